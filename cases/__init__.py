@@ -1,1 +1,21 @@
-"""."""
+"""Descriptions of cases: what is modelled, in which units, how it is loaded, solved and judged."""
+
+from cases.errors import CaseError
+from cases.json_schema import case_schema, write_schema
+from cases.judging import TIERS, Check, Reference, RunSpec
+from cases.loader import case_from_tables, list_cases, load_case
+from cases.schema import Case
+
+__all__ = [
+    "TIERS",
+    "Case",
+    "CaseError",
+    "Check",
+    "Reference",
+    "RunSpec",
+    "case_from_tables",
+    "case_schema",
+    "list_cases",
+    "load_case",
+    "write_schema",
+]

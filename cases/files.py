@@ -1,0 +1,62 @@
+"""Files that a case refers to: they lie beside it, exist, and hold what they should."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationInfo
+
+from cases.errors import BrokenRuleError
+
+
+def existing_file(path: Path, info: ValidationInfo, what: str) -> Path:
+    """Absolute path of a file that the case names.
+
+    A relative path is relative to the folder of the case, context key "folder", and stays inside it.
+
+    Raises
+    ------
+    BrokenRuleError : the path leaves the folder, or there is no such file
+    """
+    folder = Path((info.context or {}).get("folder", ".")).resolve()
+    full = (folder / path).resolve()
+    if not path.is_absolute() and not full.is_relative_to(folder):
+        raise BrokenRuleError("leaves the folder of the case", f"put {what} into it", value=str(path))
+    if not full.is_file():
+        raise BrokenRuleError("is not a file", f"name {what} in the folder of the case", value=str(path))
+    return full
+
+
+def read_curve(path: Path) -> NDArray[np.float64]:
+    """Force over displacement, (n, 2) with columns u, F, from a CSV file; lines starting with # are comments.
+
+    Raises
+    ------
+    BrokenRuleError : columns are missing, there are no rows, or a number is missing or not finite
+    """
+    try:
+        lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines()]
+    except (OSError, UnicodeDecodeError):
+        raise BrokenRuleError("cannot be read as text", "save it as UTF-8 CSV", value=path.name) from None
+    rows = [line.split(",") for line in lines if line and not line.startswith("#")]
+    header = [name.strip() for name in rows[0]] if rows else []
+    if not {"u", "F"} <= set(header):
+        remedy = 'start it with the line "u,F"'
+        raise BrokenRuleError("has no columns u and F" if header else "is empty", remedy, value=path.name)
+    columns = header.index("u"), header.index("F")
+    if len(rows) == 1:
+        raise BrokenRuleError("has no rows", "add the points of the curve", value=path.name)
+    return np.array([_row(row, columns, number, path) for number, row in enumerate(rows[1:], 1)])
+
+
+def _row(row: list[str], columns: tuple[int, int], number: int, path: Path) -> tuple[float, ...]:
+    try:
+        values = tuple(float(row[column]) for column in columns)
+    except (ValueError, IndexError):
+        values = (float("nan"),)
+    if not np.all(np.isfinite(values)):
+        remedy = "correct or remove the row"
+        raise BrokenRuleError(f"has no finite u and F in row {number}", remedy, value=path.name)
+    return values

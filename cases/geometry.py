@@ -1,0 +1,186 @@
+"""Shapes of bodies: what they cover, their bounds, their outlines."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, field_validator, model_validator
+from shapely.geometry.base import BaseGeometry
+
+from cases.errors import BrokenRuleError
+from cases.table import Table, require_one
+from cases.units import Length, Point
+
+Array = NDArray[np.float64]
+Bounds = tuple[Array, Array]
+
+# Points this near to an outline, in shares of the size of the shape, count as being on it.
+SLACK = 1e-9
+# Chords in a quarter of a circle where a disc has to become a polygon (overlap checks only).
+CHORDS = 128
+
+
+class Box(Table):
+    """An axis-parallel box between two corners [length]."""
+
+    lower: Point
+    upper: Point
+
+    @model_validator(mode="after")
+    def _is_ordered(self) -> Box:
+        if self.lower[0] > self.upper[0] or self.lower[1] > self.upper[1]:
+            raise BrokenRuleError(
+                "must not be below 'lower'", "exchange the corners", "upper", list(self.upper)
+            )
+        return self
+
+    def contains(self, points: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+        """Mask of the points (n, 2) inside the box widened by `slack` [length] on every side."""
+        p = np.asarray(points, dtype=float)
+        return np.all((p >= np.subtract(self.lower, slack)) & (p <= np.add(self.upper, slack)), axis=1)
+
+    @property
+    def is_flat(self) -> bool:
+        """The box has no area."""
+        return self.lower[0] == self.upper[0] or self.lower[1] == self.upper[1]
+
+
+class Circle(Table):
+    """A circle [length]."""
+
+    centre: Point
+    radius: Annotated[Length, Field(gt=0)]
+
+    def distance(self, points: ArrayLike) -> Array:
+        """Distance (n,) of points (n, 2) from the centre."""
+        offset = np.asarray(points, dtype=float) - self.centre
+        return np.hypot(offset[:, 0], offset[:, 1])
+
+
+class Rectangle(Box):
+    """A rectangular body."""
+
+    @model_validator(mode="after")
+    def _has_area(self) -> Rectangle:
+        if self.is_flat:
+            raise BrokenRuleError(
+                "encloses no area", "move 'upper' away from 'lower'", "upper", list(self.upper)
+            )
+        return self
+
+
+class Polygon(Table):
+    """A simple polygon; the last point joins the first."""
+
+    points: Annotated[tuple[Point, ...], Field(min_length=3)]
+
+    @field_validator("points")
+    @classmethod
+    def _is_simple(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        polygon = shapely.Polygon(points)
+        if not polygon.is_valid or polygon.area == 0.0:
+            why = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it encloses no area"
+            raise BrokenRuleError(f"is not a simple polygon ({why})", "list the corners once around the body")
+        return points
+
+
+class Difference(Table):
+    """A shape with others cut out of it."""
+
+    of: Shape
+    minus: Annotated[tuple[Shape, ...], Field(min_length=1)]
+
+
+class Shape(Table):
+    """Exactly one of rectangle, polygon, disc, difference."""
+
+    rectangle: Rectangle | None = None
+    polygon: Polygon | None = None
+    disc: Circle | None = None
+    difference: Difference | None = None
+
+    @model_validator(mode="after")
+    def _is_one_shape(self) -> Shape:
+        require_one(self, "shape", tuple(Shape.model_fields))
+        if self.difference and self.outline().is_empty:
+            raise BrokenRuleError("leaves nothing of the body", "cut out less", "difference")
+        return self
+
+    def bounds(self) -> Bounds:
+        """Corners (2,), (2,) of the bounding box [length]."""
+        if self.disc:
+            return np.subtract(self.disc.centre, self.disc.radius), np.add(self.disc.centre, self.disc.radius)
+        box = self.outline().bounds
+        return np.array(box[:2]), np.array(box[2:])
+
+    def outline(self) -> BaseGeometry:
+        """The shape for shapely; a disc becomes an inscribed polygon."""
+        if self.rectangle:
+            return shapely.box(*self.rectangle.lower, *self.rectangle.upper)
+        if self.polygon:
+            return shapely.Polygon(self.polygon.points)
+        if self.disc:
+            return shapely.Point(self.disc.centre).buffer(self.disc.radius, quad_segs=CHORDS)
+        assert self.difference is not None
+        return self.difference.of.outline() - shapely.union_all([s.outline() for s in self.difference.minus])
+
+    def contains(self, points: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+        """Mask (n,) of the points (n, 2) in the shape.
+
+        slack : signed distance [length] that the outline is moved outwards by; discs are exact circles.
+        """
+        if self.rectangle:
+            return self.rectangle.contains(points, slack)
+        if self.disc:
+            return self.disc.distance(points) <= self.disc.radius + slack
+        if self.polygon:
+            return _polygon_contains(self.outline(), np.asarray(points, dtype=float), slack)
+        assert self.difference is not None
+        inside = self.difference.of.contains(points, slack)
+        for hole in self.difference.minus:
+            inside &= ~hole.contains(points, -slack)
+        return inside
+
+    def straight_lines(self) -> tuple[list[float], list[float]]:
+        """Coordinates x of vertical and y of horizontal edges of the outline, holes included [length]."""
+        if self.difference:
+            parts = [self.difference.of, *self.difference.minus]
+            lines = [part.straight_lines() for part in parts]
+            return [x for xs, _ in lines for x in xs], [y for _, ys in lines for y in ys]
+        if self.disc:
+            return [], []
+        corners = np.array(self.outline().exterior.coords)
+        same = corners[1:] == corners[:-1]
+        return list(map(float, corners[1:][same[:, 0], 0])), list(map(float, corners[1:][same[:, 1], 1]))
+
+
+def _polygon_contains(polygon: BaseGeometry, points: Array, slack: float) -> NDArray[np.bool_]:
+    inside = shapely.intersects_xy(polygon, points[:, 0], points[:, 1])
+    if slack == 0.0:
+        return inside
+    near = shapely.dwithin(polygon.boundary, shapely.points(points), abs(slack))
+    return inside | near if slack > 0 else inside & ~near
+
+
+@lru_cache(maxsize=16)
+def mesh_outline(path: Path) -> BaseGeometry:
+    """Union of the triangles and quadrilaterals of a mesh file, in the file's own numbers."""
+    import meshio
+
+    mesh = meshio.read(path)
+    plane = [block for block in mesh.cells if block.type in ("triangle", "quad")]
+    corners = [cell for block in plane for cell in mesh.points[block.data][:, :, :2]]
+    return shapely.union_all([shapely.Polygon(cell) for cell in corners])
+
+
+def size_of(bounds: Bounds) -> float:
+    """Longest side of a bounding box [length]."""
+    return float(np.max(bounds[1] - bounds[0]))
+
+
+Difference.model_rebuild()

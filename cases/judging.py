@@ -1,0 +1,170 @@
+"""Tables of a case that say how its results are judged: runs, references, checks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from cases.errors import BrokenRuleError
+from cases.files import existing_file, read_curve
+from cases.table import Name, Table
+from cases.units import Number
+
+TierName = Literal["quick", "standard", "paper"]
+TIERS: tuple[TierName, ...] = ("quick", "standard", "paper")
+Scalar = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class RunSpec:
+    """One run of a case.
+
+    Attributes
+    ----------
+    name : with its sweep values, such as "fem_levels[h=0.1]"
+    solver : "fem" or "mpm"
+    family : the name in the file, such as "fem_levels"
+    change : nested tables merged over the case for this run, sweep values included
+    sweep_values : dotted key -> value of this member of the sweep; empty without a sweep
+    """
+
+    name: str
+    solver: Literal["fem", "mpm"]
+    family: str
+    change: dict[str, Any] = field(default_factory=dict)
+    sweep_values: dict[str, Scalar] = field(default_factory=dict)
+
+
+class Run(Table):
+    """A run, or a sweep of runs.
+
+    Attributes
+    ----------
+    change : tables merged over the case for this run
+    sweep : dotted key -> values; expands to one run for each combination of values
+    """
+
+    solver: Literal["fem", "mpm"]
+    change: dict[str, Any] = Field(default_factory=dict)
+    sweep: dict[str, Annotated[tuple[Scalar, ...], Field(min_length=1)]] = Field(default_factory=dict)
+
+    def members(self, family: str) -> list[RunSpec]:
+        """All runs that this table stands for."""
+        if not self.sweep:
+            return [RunSpec(family, self.solver, family, self.change)]
+        return [self._member(family, values) for values in product(*self.sweep.values())]
+
+    def _member(self, family: str, values: tuple[Scalar, ...]) -> RunSpec:
+        swept = dict(zip(self.sweep, values, strict=True))
+        change = self.change
+        for key, value in swept.items():
+            change = merge(change, nest(key, value))
+        labels = ",".join(f"{self._label(key)}={_text(value)}" for key, value in swept.items())
+        return RunSpec(f"{family}[{labels}]", self.solver, family, change, swept)
+
+    def _label(self, key: str) -> str:
+        last = [k.rsplit(".", 1)[-1] for k in self.sweep]
+        short = key.rsplit(".", 1)[-1]
+        return short if last.count(short) == 1 else key
+
+
+def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Tables `above` laid over tables `below`: tables are merged key by key, everything else is replaced."""
+    merged = dict(below)
+    for key, value in above.items():
+        under = merged.get(key)
+        merged[key] = merge(under, value) if isinstance(under, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def nest(dotted: str, value: Any) -> dict[str, Any]:
+    """{"a": {"b": value}} for "a.b"."""
+    for key in reversed(dotted.split(".")):
+        value = {key: value}
+    return value
+
+
+def _text(value: Scalar) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
+
+
+class Reference(Table):
+    """Somebody else's result.
+
+    Attributes
+    ----------
+    source : who published it and where
+    uncertainty : of the numbers, in words
+    values : metric -> value in the units of the case
+    curve : file beside the case with columns u, F in the units of the case
+    """
+
+    kind: Literal["read from figure", "table", "measured", "exact"]
+    source: Annotated[str, Field(min_length=1)]
+    uncertainty: str = ""
+    values: dict[str, Number] = Field(default_factory=dict)
+    curve: Path | None = None
+
+    @field_validator("curve", mode="after")
+    @classmethod
+    def _is_readable(cls, curve: Path | None, info: ValidationInfo) -> Path | None:
+        if curve is None:
+            return None
+        path = existing_file(curve, info, "a CSV file with the columns u,F")
+        read_curve(path)
+        return path
+
+
+class Check(Table):
+    """One judgement of a metric against a target.
+
+    Attributes
+    ----------
+    run : run or family of runs that the metric is taken from
+    against : a run, "baseline", "reference:NAME", "value:NUMBER", "exact" or "none"
+    measure : "relative": |value - target|/|target| <= limit; "absolute": |value - target| <= limit;
+        against none: |value| <= limit
+    tiers : in which the check applies
+    gate : whether a failure fails the case
+    reason : why this limit
+    parameters : of the metric
+    """
+
+    metric: Name
+    run: str
+    against: str
+    measure: Literal["relative", "absolute"] = "relative"
+    limit: Annotated[Number, Field(ge=0)]
+    tiers: Annotated[tuple[TierName, ...], Field(min_length=1)] = TIERS
+    gate: bool = True
+    reason: Annotated[str, Field(min_length=1)]
+    parameters: dict[str, Scalar | tuple[float, ...]] = Field(default_factory=dict)
+
+    @property
+    def target(self) -> tuple[str, str]:
+        """`against` taken apart: ("value", "2.0"), ("reference", name), ("run", name), ("exact", ""), .."""
+        kind, colon, rest = self.against.partition(":")
+        if colon and kind in ("value", "reference"):
+            return kind, rest.strip()
+        return (self.against, "") if self.against in ("baseline", "exact", "none") else ("run", self.against)
+
+    @field_validator("against")
+    @classmethod
+    def _has_a_number(cls, against: str) -> str:
+        if against.startswith("value:"):
+            try:
+                finite = math.isfinite(float(against.removeprefix("value:")))
+            except ValueError:
+                finite = False
+            if not finite:
+                raise BrokenRuleError(
+                    "holds no finite number", 'write for instance "value:2.0"', value=against
+                )
+        return against

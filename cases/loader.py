@@ -1,0 +1,159 @@
+"""Reading case files: find, parse, merge tier and run, validate."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from cases.errors import CaseError
+from cases.judging import TIERS, merge
+from cases.messages import case_error, sentence
+from cases.schema import Case, CaseDescription
+from cases.table import Table, nearest, unknown_key_remedy
+from cases.units import Units
+
+LIBRARY = Path(__file__).parent / "library"
+CASE_FILE = "case.toml"
+DEFAULT_TIER = "standard"
+
+Tables = dict[str, Any]
+
+
+def list_cases() -> list[str]:
+    """Names of the cases in the library, sorted."""
+    return sorted(path.parent.name for path in LIBRARY.glob(f"*/{CASE_FILE}"))
+
+
+def load_case(name_or_path: str | Path, tier: str | None = None, run: str | None = None) -> Case:
+    """A case of the library, of a folder or of a .toml file, at a tier and for a run.
+
+    Parameters
+    ----------
+    name_or_path : name in the library, folder that holds a case.toml, or path of a .toml file
+    tier : "quick", "standard" (if None) or "paper"; the tables of [tiers.<tier>] are merged over the file
+    run : one of `case.expanded_runs()`; its `change` tables and sweep values are merged too
+
+    Raises
+    ------
+    CaseError : the case does not exist, or something in it is wrong
+    """
+    source = _find(name_or_path)
+    name = source.parent.name if source.name == CASE_FILE else source.stem
+    return case_from_tables(_read(source), tier, run, name=name, source=source)
+
+
+def case_from_tables(
+    tables: Tables,
+    tier: str | None = None,
+    run: str | None = None,
+    name: str = "case",
+    source: Path | None = None,
+) -> Case:
+    """The case that the parsed tables of a case.toml describe; see `load_case`.
+
+    source : the file that the tables come from, whose folder holds the files they refer to
+
+    Raises
+    ------
+    CaseError : something in the tables is wrong
+    """
+    file = (source or Path.cwd() / CASE_FILE).resolve()
+    builder = _Builder(tables, name, file)
+    tier = tier or DEFAULT_TIER
+    if tier not in TIERS:
+        raise sentence(file, "tier", tier, "is not a tier", f"choose {', '.join(TIERS)}")
+    case = builder.case(tier)
+    if run is None:
+        builder.check_variants(case)
+        return case
+    if run not in case.expanded_runs():
+        remedy = nearest(run, case.expanded_runs(), "choose a run of the case")
+        raise sentence(file, "run", run, "is not a run of this case", remedy)
+    return builder.case(tier, run, case)
+
+
+class _UnitsOnly(Table):
+    """The units come first, because every other number is read in them."""
+
+    units: Units
+
+
+class _Builder:
+    """Builds variants of a case from the tables of one file."""
+
+    def __init__(self, tables: Tables, name: str, source: Path) -> None:
+        self.name, self.source = name, source
+        self.tables = tables
+        self._has_known_tables()
+        self.context = {"units": self._units(), "folder": source.parent}
+
+    def case(self, tier: str, run: str | None = None, base: Case | None = None) -> Case:
+        """The case at a tier, for a run of the case `base`."""
+        tiers = self.tables.get("tiers", {})
+        change = tiers.get(tier, {}) if isinstance(tiers, dict) else {}
+        origins = [(f"tiers.{tier}", change)]
+        tables = merge(self.tables, change) if isinstance(change, dict) else self.tables
+        if run is not None and base is not None:
+            spec = base.run_spec(run)
+            origins.insert(0, (f"runs.{spec.family}.change", spec.change))
+            tables = merge(tables, spec.change)
+        place = {"name": self.name, "folder": self.source.parent, "source": self.source}
+        try:
+            return Case.model_validate({**tables, **place, "tier": tier, "run": run}, context=self.context)
+        except ValidationError as error:
+            raise case_error(self.source, error, origins) from None
+
+    def check_variants(self, case: Case) -> None:
+        """Raise CaseError for a mistake in any run of this tier or in any other tier."""
+        for run in case.expanded_runs():
+            self.case(case.tier, run, case)
+        for tier in case.tiers:
+            self.case(tier)
+
+    def _has_known_tables(self) -> None:
+        known = list(CaseDescription.model_fields)
+        for key in self.tables:
+            if key not in known:
+                raise sentence(self.source, key, None, "is unknown", unknown_key_remedy(key, known))
+
+    def _units(self) -> Units:
+        if "units" not in self.tables:
+            remedy = "add the table [units] with length and force"
+            raise sentence(self.source, "units", None, "is missing", remedy)
+        try:
+            return _UnitsOnly.model_validate({"units": self.tables["units"]}).units
+        except ValidationError as error:
+            raise case_error(self.source, error, []) from None
+
+
+def _find(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    in_library = LIBRARY / path / CASE_FILE
+    for candidate in (in_library, path / CASE_FILE, path):
+        if candidate.is_file():
+            return candidate.resolve()
+    if path.suffix == ".toml" or len(path.parts) != 1:
+        remedy = f"name a folder with a {CASE_FILE} or a .toml file"
+        raise sentence(path, "", None, "no such case file", remedy)
+    remedy = nearest(path.name, list_cases(), "name a case of the library, a folder or a .toml file")
+    raise sentence(path, "", None, "no such case", remedy)
+
+
+def _read(source: Path) -> Tables:
+    try:
+        tables = tomllib.loads(source.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise sentence(source, "", None, f"not valid TOML: {error}", "correct this line") from None
+    except UnicodeDecodeError as error:
+        raise sentence(source, "", None, f"not UTF-8 text: byte {error.start}", "save it as UTF-8") from None
+    except (OSError, RecursionError) as error:
+        raise sentence(source, "", None, f"cannot be read: {error}", "correct the file") from None
+    if not tables:
+        raise sentence(source, "", None, "the file is empty", "describe the case in it")
+    return tables
+
+
+__all__ = ["CaseError", "case_from_tables", "list_cases", "load_case"]

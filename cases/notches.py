@@ -1,0 +1,61 @@
+"""Notches: cracks that exist before loading."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cases.errors import BrokenRuleError
+from cases.table import Table
+from cases.units import Length, Number, Point
+
+
+class Segment(Table):
+    """A straight notch between two points [length]."""
+
+    start: Point
+    end: Point
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Segment:
+        if self.start == self.end:
+            raise BrokenRuleError("is where the notch starts", "move one of the ends", "end", list(self.end))
+        return self
+
+    @property
+    def level_axis(self) -> int | None:
+        """Axis along which the notch does not extend: 1 if horizontal, 0 if vertical, None if oblique."""
+        if self.start[1] == self.end[1]:
+            return 1
+        return 0 if self.start[0] == self.end[0] else None
+
+
+class SlitNotch(Segment):
+    """Two faces without a gap: nodes are doubled along the segment."""
+
+    kind: Literal["slit"]
+
+
+class CellsNotch(Segment):
+    """Cells left out of the body along the segment.
+
+    width : full width across the segment [length]
+    """
+
+    kind: Literal["cells"]
+    width: Annotated[Length, Field(gt=0)]
+
+
+class HistoryNotch(Segment):
+    """Initial history field along the segment, Eq. 6.51.
+
+    factor : B, the height of the initial history field, dimensionless
+    """
+
+    kind: Literal["history"]
+    factor: Annotated[Number, Field(gt=0)] = 1000.0
+
+
+Notch = Annotated[SlitNotch | CellsNotch | HistoryNotch, Field(discriminator="kind")]
+NOTCH_KINDS = ("slit", "cells", "history")

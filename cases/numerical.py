@@ -1,0 +1,187 @@
+"""Tables of a case that say how it is loaded and solved."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from cases.errors import BrokenRuleError
+from cases.geometry import Box
+from cases.table import Name, Table
+from cases.units import Length, Number, quantity
+
+# smallest increment = increment / SMALLEST_SHARE where the file gives none: six halvings.
+SMALLEST_SHARE = 64
+
+
+class Constraint(Table):
+    """What is prescribed on a boundary set: exactly one of scale, value, motion, tied.
+
+    Attributes
+    ----------
+    on : name of a boundary set
+    direction : "x", "y" (displacement) or "phase" (phase field); left out with `motion`
+    scale : displacement = scale * load parameter u
+    value : constant displacement [length] or phase field
+    motion : name of an exact field that prescribes both displacements
+    tied : all points of the set share one free displacement in this direction
+    """
+
+    on: Name
+    direction: Literal["x", "y", "phase"] | None = None
+    scale: Number | None = None
+    value: Annotated[float, Field(json_schema_extra={"type": ["number", "string"]})] | None = None
+    motion: Name | None = None
+    tied: bool = False
+
+    @field_validator("value", mode="before")
+    @classmethod
+    def _in_units(cls, value: Any, info: ValidationInfo) -> Any:
+        return quantity(value, "number" if info.data.get("direction") == "phase" else "length", info)
+
+    @model_validator(mode="after")
+    def _prescribes_one_thing(self) -> Constraint:
+        given = [key for key in ("scale", "value", "motion") if getattr(self, key) is not None]
+        given += ["tied"] if self.tied else []
+        if len(given) != 1:
+            has = " and ".join(given) or "none"
+            raise BrokenRuleError(f"has {has} of scale, value, motion, tied", "give exactly one of them")
+        self._direction_fits(given[0])
+        return self
+
+    def _direction_fits(self, prescribed: str) -> None:
+        if prescribed == "motion":
+            if self.direction is not None:
+                remedy = "leave it out, since a motion prescribes both directions"
+                raise BrokenRuleError("stands beside a motion", remedy, "direction", self.direction)
+        elif self.direction is None:
+            raise BrokenRuleError("is missing", 'add "x", "y" or "phase"', "direction")
+        elif self.direction == "phase":
+            self._is_a_phase_field(prescribed)
+
+    def _is_a_phase_field(self, prescribed: str) -> None:
+        if self.value is None:
+            raise BrokenRuleError("does not apply to the phase field", "give 'value' instead", prescribed)
+        if not 0.0 <= self.value <= 1.0:
+            raise BrokenRuleError(
+                "is not a phase field", "give 0 (broken) to 1 (intact)", "value", self.value
+            )
+
+
+class Load(Table):
+    """Path of the load parameter u.
+
+    Attributes
+    ----------
+    path : values that u runs through, starting at the first [length]
+    increment : first and largest increment of u [length]; may be left out for a path of one point
+    smallest : smallest increment [length]; increment/64 if left out
+    adaptive : False for constant increments
+    stop_when_broken : end when |F| falls under `broken_fraction` of its peak
+    """
+
+    path: Annotated[tuple[Length, ...], Field(min_length=1)]
+    increment: Annotated[Length, Field(gt=0)] = 1.0
+    smallest: Annotated[Length, Field(gt=0)] = Field(
+        default_factory=lambda data: data.get("increment", 1.0) / SMALLEST_SHARE
+    )
+    adaptive: bool = True
+    stop_when_broken: bool = True
+    broken_fraction: Annotated[Number, Field(gt=0, lt=1)] = 0.02
+
+    @model_validator(mode="after")
+    def _is_a_path(self) -> Load:
+        if len(self.path) > 1 and "increment" not in self.model_fields_set:
+            raise BrokenRuleError(
+                "is missing", "add the first and largest increment of the load", "increment"
+            )
+        if self.smallest > self.increment:
+            remedy = f"make it no more than increment = {self.increment:g}"
+            raise BrokenRuleError("is above the increment", remedy, "smallest", self.smallest)
+        for before, after in pairwise(self.path):
+            if before == after:
+                raise BrokenRuleError("stands still", "remove the repeated value", "path", list(self.path))
+        return self
+
+
+class Mesh(Table):
+    """Resolution of both discretisations.
+
+    Attributes
+    ----------
+    h : spacing in the fine box, or everywhere without one [length]
+    coarse : largest spacing outside the fine box [length]; None for no limit
+    growth : largest ratio of neighbouring spacings outside the fine box
+    fine : the fine box
+    element : shape of the finite elements
+    """
+
+    h: Annotated[Length, Field(gt=0)]
+    coarse: Annotated[Length, Field(gt=0)] | None = None
+    growth: Annotated[Number, Field(gt=1, le=10)] = 1.3
+    fine: Box | None = None
+    element: Literal["quad", "triangle"] = "quad"
+
+    @model_validator(mode="after")
+    def _is_graded_outwards(self) -> Mesh:
+        if self.coarse is not None and self.fine is None:
+            remedy = "add mesh.fine or remove it"
+            raise BrokenRuleError("has no effect without a fine box", remedy, "coarse", self.coarse)
+        if self.coarse is not None and self.coarse < self.h:
+            raise BrokenRuleError("is below h", f"make it at least h = {self.h:g}", "coarse", self.coarse)
+        if self.fine is not None and self.fine.is_flat:
+            remedy = "move 'upper' away from 'lower'"
+            raise BrokenRuleError("encloses no area", remedy, "fine.upper", list(self.fine.upper))
+        return self
+
+
+class Mpm(Table):
+    """Material points and their grid.
+
+    Attributes
+    ----------
+    order : polynomial order of the B-splines
+    placement : of the points in their cells: on Gauss points, regularly, or at random
+    points_per_cell : per direction
+    constraints_on : the points of the boundary, by a penalty, or the nodes of the grid
+    penalty : in multiples of the stiffness, dimensionless
+    move_points : carry the points with the displacement
+    margin : cells of grid around the body
+    """
+
+    order: Literal[1, 2, 3] = 2
+    placement: Literal["gauss", "regular", "random"] = "gauss"
+    points_per_cell: Annotated[int, Field(ge=1, le=16)] = 2
+    seed: Annotated[int, Field(ge=0)] = 0
+    constraints_on: Literal["points", "nodes"] = "points"
+    penalty: Annotated[Number, Field(gt=0)] = 1e4
+    move_points: bool = True
+    margin: Annotated[int, Field(ge=0)] = 5
+    linear_solver: Literal["direct", "gmres"] = "direct"
+
+
+class Staggered(Table):
+    """Alternate minimisation, Algorithm 1.
+
+    Attributes
+    ----------
+    scheme : iterate until converged, or one pass per increment
+    tolerance : on max |change of c|
+    residual_tolerance : on the relative residual of equilibrium
+    """
+
+    scheme: Literal["converged", "one_pass"] = "converged"
+    tolerance: Annotated[Number, Field(gt=0)] = 1e-4
+    residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
+    largest_iterations: Annotated[int, Field(ge=1)] = 2000
+
+
+class Output(Table):
+    """What is written.
+
+    snapshots : load parameters at which fields are written, besides the last state [length]
+    """
+
+    snapshots: tuple[Length, ...] = ()

@@ -1,0 +1,300 @@
+"""The layout of a case.toml and what can be asked of a case."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from cases.boundaries import EDGES, BoundarySet
+from cases.errors import BrokenRuleError
+from cases.files import existing_file, read_curve
+from cases.geometry import SLACK, Array, Bounds, Shape, mesh_outline, size_of
+from cases.judging import TIERS, Check, Reference, Run, RunSpec, TierName
+from cases.material import Material
+from cases.notches import Notch
+from cases.numerical import Constraint, Load, Mesh, Mpm, Output, Staggered
+from cases.table import Name, Table, nearest, require_one
+from cases.units import Length, Units
+
+MESH_SUFFIXES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".mesh", ".xdmf", ".e", ".exo")
+# What a tier may change: resolution and loading, nothing of the problem itself.
+TIER_TABLES = ("mesh", "mpm", "load", "staggered", "output", "runs")
+# What a run may not change: what the file is, and how it is judged.
+KEPT_BY_RUNS = ("title", "section", "requirement", "units", "runs", "tiers", "references", "checks", "exact")
+# Keys that say nothing about what is computed.
+_PROSE_AND_JUDGING = {"title", "section", "requirement", "runs", "tiers", "references", "checks"}
+_NOT_HASHED = _PROSE_AND_JUDGING | {"name", "tier", "run", "folder", "source"}
+# Bodies overlap when they share more than this part of the smaller one.
+_OVERLAP = 1e-6
+
+
+class Plane(Table):
+    """The two-dimensional idealisation; thickness [length]."""
+
+    assumption: Literal["strain", "stress"]
+    thickness: Annotated[Length, Field(gt=0)] = 1.0
+
+
+class Body(Table):
+    """A body of one material: a shape, or a mesh file with coordinates in the units of the case.
+
+    mesh : absolute path
+    """
+
+    material: Name
+    shape: Shape | None = None
+    mesh: Path | None = None
+
+    @field_validator("mesh")
+    @classmethod
+    def _is_a_mesh_file(cls, mesh: Path | None, info: ValidationInfo) -> Path | None:
+        if mesh is None:
+            return None
+        if mesh.suffix not in MESH_SUFFIXES:
+            raise BrokenRuleError(
+                "is not a mesh file", f"give one of {', '.join(MESH_SUFFIXES)}", value=str(mesh)
+            )
+        return existing_file(mesh, info, "a mesh file")
+
+    @model_validator(mode="after")
+    def _has_one_geometry(self) -> Body:
+        require_one(self, "geometry", ("shape", "mesh"))
+        return self
+
+    def bounds(self) -> Bounds:
+        """Corners (2,), (2,) of the bounding box [length]."""
+        if self.shape:
+            return self.shape.bounds()
+        box = self._mesh_outline().bounds
+        return np.array(box[:2]), np.array(box[2:])
+
+    def contains(self, points: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+        """Mask (n,) of the points (n, 2) in the body, its outline moved outwards by `slack` [length]."""
+        if self.shape:
+            return self.shape.contains(points, slack)
+        return shapely.dwithin(self._mesh_outline(), shapely.points(np.asarray(points, dtype=float)), slack)
+
+    def _mesh_outline(self) -> shapely.geometry.base.BaseGeometry:
+        assert self.mesh is not None
+        return mesh_outline(self.mesh)
+
+
+class CaseDescription(Table):
+    """Everything that a case.toml holds. Attributes are the keys of the file."""
+
+    title: Annotated[str, Field(min_length=1)]
+    section: str = ""
+    requirement: Annotated[str, Field(min_length=1, description="what this case verifies")]
+    exact: Name | None = Field(default=None, description="name of an exact solution")
+    units: Units
+    plane: Plane
+    materials: Annotated[dict[Name, Material], Field(min_length=1)]
+    bodies: Annotated[dict[Name, Body], Field(min_length=1)]
+    notches: tuple[Notch, ...] = ()
+    boundaries: dict[Name, BoundarySet] = Field(default_factory=dict, validate_default=True)
+    constraints: tuple[Constraint, ...] = ()
+    load: Load
+    mesh: Mesh
+    mpm: Mpm = Mpm()
+    staggered: Staggered = Staggered()
+    output: Output = Output()
+    runs: dict[Name, Run] = Field(default_factory=dict)
+    tiers: dict[TierName, dict[str, Any]] = Field(default_factory=dict)
+    references: dict[Name, Reference] = Field(default_factory=dict)
+    checks: tuple[Check, ...] = ()
+
+    @field_validator("boundaries")
+    @classmethod
+    def _with_the_four_edges(cls, boundaries: dict[str, BoundarySet]) -> dict[str, BoundarySet]:
+        return {edge: BoundarySet(edge=edge) for edge in EDGES} | boundaries
+
+    @field_validator("tiers")
+    @classmethod
+    def _changes_no_physics(cls, tiers: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        for tier, tables in tiers.items():
+            _only_known(tables, TIER_TABLES, tier, "may not be changed by a tier")
+        return tiers
+
+    @field_validator("runs")
+    @classmethod
+    def _change_known_tables(cls, runs: dict[str, Run]) -> dict[str, Run]:
+        changeable = tuple(key for key in cls.model_fields if key not in KEPT_BY_RUNS)
+        for name, run in runs.items():
+            _only_known(run.change, changeable, f"{name}.change", "may not be changed by a run")
+            tables = {key.partition(".")[0]: None for key in run.sweep}
+            _only_known(tables, changeable, f"{name}.sweep", "may not be changed by a run")
+        return runs
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> CaseDescription:
+        self._names_are_defined()
+        self._length_scales_are_resolved()
+        self._bodies_are_apart()
+        self._notches_are_in_bodies()
+        self._fine_box_meets_the_bodies()
+        self._checks_have_targets()
+        return self
+
+    def bounding_box(self) -> Bounds:
+        """Lower and upper corner, (2,) each, of the bounding box of all bodies [length]."""
+        corners = [body.bounds() for body in self.bodies.values()]
+        return np.min([c[0] for c in corners], axis=0), np.max([c[1] for c in corners], axis=0)
+
+    def inside(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Index (n,) of the body that contains each of the points (n, 2), -1 outside.
+
+        Outlines belong to the bodies; where two bodies touch, the first one has the point. Cells left out by
+        notches are not removed.
+        """
+        p = np.asarray(points, dtype=float).reshape(-1, 2)
+        slack = SLACK * size_of(self.bounding_box())
+        index = np.full(len(p), -1, dtype=np.int64)
+        for number, body in enumerate(self.bodies.values()):
+            free = np.flatnonzero(index < 0)
+            index[free[body.contains(p[free], slack)]] = number
+        return index
+
+    @property
+    def fracture_enabled(self) -> bool:
+        """Some body has a material that can break."""
+        return any(self.materials[body.material].fracture is not None for body in self.bodies.values())
+
+    def run_specs(self) -> dict[str, RunSpec]:
+        """Every run by its name, sweeps expanded."""
+        members = [spec for family, run in self.runs.items() for spec in run.members(family)]
+        return {spec.name: spec for spec in members}
+
+    def expanded_runs(self) -> list[str]:
+        """Names of all runs, sweeps expanded."""
+        return list(self.run_specs())
+
+    def run_spec(self, run: str) -> RunSpec:
+        """The run of this name.
+
+        Raises
+        ------
+        KeyError : no such run
+        """
+        return self.run_specs()[run]
+
+    def reference_curve(self, reference: str) -> Array:
+        """Published curve (n, 2), columns u [length] and F [force]; (0, 2) when the reference has none."""
+        curve = self.references[reference].curve
+        return np.zeros((0, 2)) if curve is None else read_curve(curve)
+
+    def _names_are_defined(self) -> None:
+        for name, body in self.bodies.items():
+            _defined(body.material, list(self.materials), f"bodies.{name}.material", "material")
+        for number, constraint in enumerate(self.constraints):
+            _defined(constraint.on, list(self.boundaries), f"constraints[{number}].on", "boundary")
+
+    def _length_scales_are_resolved(self) -> None:
+        for name, material in self.materials.items():
+            if material.fracture and material.fracture.length_scale < self.mesh.h:
+                remedy = f"make mesh.h = {self.mesh.h:g} no more than the length scale"
+                key = f"materials.{name}.fracture.length_scale"
+                raise BrokenRuleError(
+                    "is below the mesh spacing", remedy, key, material.fracture.length_scale
+                )
+
+    def _bodies_are_apart(self) -> None:
+        outlines = [(name, body.shape.outline()) for name, body in self.bodies.items() if body.shape]
+        for (first, a), (second, b) in combinations(outlines, 2):
+            if a.intersection(b).area > _OVERLAP * min(a.area, b.area):
+                remedy = "move them apart or cut one out of the other with 'difference'"
+                raise BrokenRuleError(f"overlaps the body '{first}'", remedy, f"bodies.{second}")
+
+    def _notches_are_in_bodies(self) -> None:
+        if any(body.mesh for body in self.bodies.values()):
+            return  # reading meshes is left to whoever needs them
+        for number, notch in enumerate(self.notches):
+            for end, point in (("start", notch.start), ("end", notch.end)):
+                if self.inside([point])[0] < 0:
+                    key = f"notches[{number}].{end}"
+                    raise BrokenRuleError(
+                        "lies outside the bodies", "move it into or onto one", key, list(point)
+                    )
+
+    def _fine_box_meets_the_bodies(self) -> None:
+        if self.mesh.fine is None or any(body.mesh for body in self.bodies.values()):
+            return
+        lower, upper = self.bounding_box()
+        if np.any(np.maximum(lower, self.mesh.fine.lower) >= np.minimum(upper, self.mesh.fine.upper)):
+            remedy = f"place it inside {lower.tolist()} to {upper.tolist()}"
+            raise BrokenRuleError("lies outside the bodies", remedy, "mesh.fine")
+
+    def _checks_have_targets(self) -> None:
+        runs = list(dict.fromkeys([*self.runs, *self.expanded_runs()]))
+        for number, check in enumerate(self.checks):
+            _defined(check.run, runs, f"checks[{number}].run", "run")
+            kind, name = check.target
+            if kind == "run":
+                _defined(name, runs, f"checks[{number}].against", "run")
+            if kind == "reference":
+                self._reference_has_the_metric(name, check.metric, f"checks[{number}].against")
+            if kind == "exact" and self.exact is None and not any(c.motion for c in self.constraints):
+                key = f"checks[{number}].against"
+                raise BrokenRuleError(
+                    "has no exact solution to compare with", "add the key 'exact'", key, name
+                )
+
+    def _reference_has_the_metric(self, name: str, metric: str, key: str) -> None:
+        _defined(name, list(self.references), key, "reference")
+        reference = self.references[name]
+        if metric not in reference.values and reference.curve is None:
+            remedy = f"add {metric} to references.{name}.values, or a curve"
+            raise BrokenRuleError(f"has no value of {metric}", remedy, key, f"reference:{name}")
+
+
+class Case(CaseDescription):
+    """A case at one tier, for one run or for none.
+
+    Attributes
+    ----------
+    name : of the folder in the library, or of the file
+    tier : whose tables were merged
+    run : whose change was merged; None for the case as it stands
+    folder, source : where the file lies, and the file
+    """
+
+    name: str
+    tier: TierName = "standard"
+    run: str | None = None
+    folder: Path
+    source: Path
+
+    def hash(self) -> str:
+        """First 16 hexadecimal digits of the SHA-256 of what is computed.
+
+        Equal hashes mean equal computations: prose, references, checks and the other runs do not enter, so
+        that results can be judged anew without computing again; mesh files enter with their content.
+        """
+        tables = self.model_dump(mode="json", exclude=_NOT_HASHED)
+        for name, body in self.bodies.items():
+            if body.mesh:
+                tables["bodies"][name]["mesh"] = hashlib.sha256(body.mesh.read_bytes()).hexdigest()
+        tables["solver"] = self.run_spec(self.run).solver if self.run else None
+        return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _only_known(tables: dict[str, Any], known: tuple[str, ...], prefix: str, text: str) -> None:
+    for key in tables:
+        if key not in known:
+            raise BrokenRuleError(text, nearest(key, list(known), "change another table"), f"{prefix}.{key}")
+
+
+def _defined(name: str, known: list[str], key: str, what: str) -> None:
+    if name not in known:
+        remedy = nearest(name, known, f"define the {what}")
+        raise BrokenRuleError(f"is not a {what} of this case", remedy, key, name)
+
+
+__all__ = ["TIERS", "Case", "CaseDescription"]

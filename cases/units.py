@@ -1,0 +1,146 @@
+"""Units of a case: plain numbers are in the units of the file, strings such as "210 GPa" are converted."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Annotated, Any
+
+from pint import UnitRegistry
+from pint.errors import DimensionalityError, PintError
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+
+from cases.errors import BrokenRuleError
+from cases.table import Table
+
+# Exponents of force, length and time in each kind of quantity.
+KINDS: dict[str, tuple[int, int, int]] = {
+    "number": (0, 0, 0),
+    "length": (0, 1, 0),
+    "displacement": (0, 1, 0),
+    "force": (1, 0, 0),
+    "stress": (1, -2, 0),
+    "toughness": (1, -1, 0),
+    "energy": (1, 1, 0),
+    "time": (0, 0, 1),
+    "density": (1, -4, 2),
+    "velocity": (0, 1, -1),
+}
+
+_EXAMPLES = {"length": "0.5 mm", "stress": "210 GPa", "toughness": "2.7 N/mm", "density": "7850 kg/m^3",
+             "time": "1 s", "force": "1 kN", "number": "0.3"}  # fmt: skip
+# A number and a product of units; exponents are single digits, so that no string can ask for a huge power.
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+_UNIT = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)-?[1-9]|[²³⁴])?"
+_QUANTITY = re.compile(rf"({_NUMBER})\s*((?:{_UNIT})(?:(?:\s*[*/·]\s*|\s+){_UNIT})*)?")
+_LONGEST_QUANTITY = 64
+_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@cache
+def unit_registry() -> UnitRegistry:
+    """The registry of units, built at the first string that needs it (it takes a third of a second)."""
+    return UnitRegistry()
+
+
+class Units(Table):
+    """Units of every plain number in the file and of every result.
+
+    Attributes
+    ----------
+    length, force, time : unit names that pint knows, such as "mm", "kN", "s"
+    """
+
+    length: str = Field(description="unit of length, such as mm")
+    force: str = Field(description="unit of force, such as kN")
+    time: str = Field(default="s", description="unit of time")
+
+    @field_validator("length", "force", "time")
+    @classmethod
+    def _is_a_unit(cls, name: str, info: ValidationInfo) -> str:
+        kind = str(info.field_name)
+        example = {"length": "mm", "force": "kN", "time": "s"}[kind]
+        remedy = f'name one unit of {kind}, such as "{example}"'
+        if not re.fullmatch(r"[A-Za-zµμ]{1,24}", name):
+            raise BrokenRuleError("is not the name of a unit", remedy, value=name)
+        try:
+            fits = unit_registry().Unit(name).is_compatible_with(example)
+        except (PintError, ValueError, AttributeError):
+            raise BrokenRuleError("is not a known unit", remedy, value=name) from None
+        if not fits:
+            raise BrokenRuleError(f"is not a unit of {kind}", remedy, value=name)
+        return name
+
+    def label(self, kind: str) -> str:
+        """Text of the unit of a kind of quantity, such as "kN/mm²" for "stress".
+
+        Raises
+        ------
+        KeyError : the kind is none of `KINDS`
+        """
+        names = (self.force, self.length, self.time)
+        powers = list(zip(names, KINDS[kind], strict=True))
+        above = [_power(name, power) for name, power in powers if power > 0]
+        below = [_power(name, -power) for name, power in powers if power < 0]
+        return "/".join(["·".join(above) or "1", *below]) if above or below else "1"
+
+    def expression(self, kind: str) -> str:
+        """The unit of a kind of quantity as pint reads it."""
+        force, length, time = KINDS[kind]
+        return f"{self.force}**({force}) * {self.length}**({length}) * {self.time}**({time})"
+
+    def convert(self, text: str, kind: str) -> float:
+        """Number in the units of the case for a string such as "210 GPa".
+
+        Raises
+        ------
+        BrokenRuleError : not a number with a unit, or a unit of another dimension
+        """
+        example = _EXAMPLES.get(kind, "1 mm")
+        remedy = f'write a plain number in {self.label(kind)} or a string such as "{example}"'
+        match = _QUANTITY.fullmatch(text.strip()) if len(text) <= _LONGEST_QUANTITY else None
+        if not match:
+            raise BrokenRuleError("is not a number with a unit", remedy, value=text)
+        try:
+            quantity = unit_registry().Quantity(float(match[1]), (match[2] or "").replace("·", "*"))
+            return float(quantity.to(self.expression(kind)).magnitude)
+        except DimensionalityError:
+            raise BrokenRuleError(f"is not a quantity of {kind}", remedy, value=text) from None
+        except Exception:  # pint raises many kinds of error for a malformed unit, some of them Python's own
+            raise BrokenRuleError("has an unknown unit", remedy, value=text) from None
+
+
+def _power(name: str, power: int) -> str:
+    return name if power == 1 else name + str(power).translate(_SUPERSCRIPTS)
+
+
+def quantity(value: Any, kind: str, info: ValidationInfo) -> Any:
+    """A value of the file in the units of the case; numbers pass, strings are converted.
+
+    The units come in the validation context under "units"; without them only plain numbers are accepted.
+    """
+    if isinstance(value, bool):
+        raise BrokenRuleError(
+            "is not a number", f"write a number or a string with a unit of {kind}", value=value
+        )
+    if not isinstance(value, str):
+        return value
+    units = (info.context or {}).get("units")
+    if units is None:
+        raise BrokenRuleError("has a unit but the case states none", "add the table [units]", value=value)
+    return units.convert(value, kind)
+
+
+def _reader(kind: str) -> BeforeValidator:
+    def read(value: Any, info: ValidationInfo) -> Any:
+        return quantity(value, kind, info)
+
+    return BeforeValidator(read, json_schema_input_type=float | str)
+
+
+Number = Annotated[float, _reader("number")]
+Length = Annotated[float, _reader("length")]
+Stress = Annotated[float, _reader("stress")]
+Toughness = Annotated[float, _reader("toughness")]
+Density = Annotated[float, _reader("density")]
+Point = tuple[Length, Length]
