@@ -1,1 +1,5 @@
-"""."""
+"""The reference solver: phase-field finite elements on scikit-fem meshes."""
+
+from .solver import FiniteElements
+
+__all__ = ["FiniteElements"]

@@ -1,1 +1,5 @@
-"""."""
+"""The phase-field Material Point Method."""
+
+from .solver import MaterialPoints
+
+__all__ = ["MaterialPoints"]

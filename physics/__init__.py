@@ -1,1 +1,1 @@
-"""."""
+"""Laws that both solvers must agree on: elasticity, energy splits, crack density, exact solutions."""

@@ -1,0 +1,78 @@
+"""Constraints of a case on the nodes of a mesh, by elimination."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+from physics.exact import MOTIONS
+
+COMPONENTS = {"x": 0, "y": 1}
+
+
+class NodeConstraints:
+    """Which displacement and phase field unknowns are prescribed or tied, and to what.
+
+    Displacement unknowns are numbered 2 node + component. Where two constraints meet, the later one in the
+    case file holds.
+
+    Attributes
+    ----------
+    equations : (2 n_nodes,) equation number, -1 where prescribed, shared where tied.
+    phase_equations : (n_nodes,) the same for the phase field.
+    """
+
+    def __init__(self, case: Case, nodes: NDArray) -> None:
+        self._case, self._nodes = case, nodes
+        n_nodes = len(nodes)
+        self._scale, self._value = np.zeros(2 * n_nodes), np.zeros(2 * n_nodes)
+        self._motions: list[tuple[str, NDArray]] = []
+        self.phase_value = np.ones(n_nodes)
+        prescribed, phase_prescribed = np.zeros(2 * n_nodes, bool), np.zeros(n_nodes, bool)
+        master = np.arange(2 * n_nodes)
+        tolerance = 1e-6 * case.mesh.h
+        for constraint in case.constraints:
+            selected = np.flatnonzero(
+                case.boundaries[constraint.on].select(nodes, tolerance, box=case.bounding_box())
+            )
+            if constraint.motion is not None:
+                self._motions.append((constraint.motion, selected))
+                prescribed[2 * selected] = prescribed[2 * selected + 1] = True
+            elif constraint.direction == "phase":
+                phase_prescribed[selected], self.phase_value[selected] = True, constraint.value
+            else:
+                unknowns = 2 * selected + COMPONENTS[constraint.direction]
+                if constraint.tied:
+                    master[unknowns] = unknowns[0]
+                else:
+                    prescribed[unknowns] = True
+                    self._scale[unknowns], self._value[unknowns] = constraint.scale or 0.0, constraint.value or 0.0
+        self.prescribed, self.phase_prescribed = prescribed, phase_prescribed
+        self.equations = _number(prescribed, master)
+        self.phase_equations = _number(phase_prescribed, np.arange(n_nodes))
+        self.size, self.phase_size = int(self.equations.max()) + 1, int(self.phase_equations.max()) + 1
+
+    def prescribed_values(self, load: float) -> NDArray:
+        """Values (2 n_nodes,) at a load; only the prescribed ones mean anything."""
+        values = self._scale * load + self._value
+        for name, nodes in self._motions:
+            displacement = MOTIONS[name](self._case, self._nodes[nodes], load)
+            values[2 * nodes], values[2 * nodes + 1] = displacement.T
+        return values
+
+    def prescribed_rates(self, load: float) -> NDArray:
+        """Change of the prescribed values with the load (2 n_nodes,), zero where free."""
+        rates = self._scale.copy()
+        step = 1e-6 * self._case.mesh.h
+        for name, nodes in self._motions:
+            ahead, behind = (MOTIONS[name](self._case, self._nodes[nodes], load + s) for s in (step, -step))
+            rates[2 * nodes], rates[2 * nodes + 1] = (ahead - behind).T / (2.0 * step)
+        return np.where(self.prescribed, rates, 0.0)
+
+
+def _number(prescribed: NDArray, master: NDArray) -> NDArray:
+    """Equation numbers of the free unknowns, in order; tied ones share their master's."""
+    free = ~prescribed & (master == np.arange(len(master)))
+    numbers = np.where(free, np.cumsum(free) - 1, -1)
+    return np.where(prescribed, -1, numbers[master]).astype(np.int32)

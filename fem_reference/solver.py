@@ -1,0 +1,260 @@
+"""The reference: phase-field finite elements on scikit-fem meshes, quasi-static."""
+
+from __future__ import annotations
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+
+from cases import Case
+from numerics.costs import Costs
+from numerics.exact_errors import exact_errors
+from numerics.fields import Fields
+from numerics.linear_solvers import lift_empty_diagonal, linear_solver
+from numerics.newton import newton
+from numerics.sparse_pattern import SymmetricPattern, gather_vector
+from physics.elasticity import MaterialTable
+from physics.exact import SOLUTIONS
+from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, notch_history
+
+from . import kernels
+from .boundary import NodeConstraints
+from .meshing import build_mesh
+
+
+class FiniteElements:
+    """Bilinear quads with 2x2 Gauss points, or linear triangles with 3; implements ``Discretisation``.
+
+    Displacement ``(n_nodes, 2)`` and nodal phase field ``(n_nodes,)`` are the trial state.
+    """
+
+    def __init__(self, case: Case) -> None:
+        self.case, self.costs = case, Costs()
+        built = build_mesh(case)
+        self.nodes = np.ascontiguousarray(built.mesh.p.T)
+        self.elements = np.ascontiguousarray(built.mesh.t.T.astype(np.int32))
+        self._evaluate_basis(built.mesh)
+        self._set_materials(MaterialTable(case), built.body)
+        self._set_equations()
+        self._set_initial_state()
+
+    # ---------------------------------------------------------------- set-up
+
+    def _evaluate_basis(self, mesh: skfem.Mesh) -> None:
+        element = skfem.ElementQuad1() if isinstance(mesh, skfem.MeshQuad) else skfem.ElementTriP1()
+        basis = skfem.Basis(mesh, element, intorder=2)
+        fields = [local[0] for local in basis.basis]
+        self.shape = np.array([np.asarray(f)[0] for f in fields]).T.copy()
+        self.slope = np.ascontiguousarray(np.stack([f.grad for f in fields]).transpose(2, 3, 0, 1))
+        self.volume = np.ascontiguousarray(basis.dx) * self.case.plane.thickness
+        self.gauss_points = np.einsum("qa,eai->eqi", self.shape, self.nodes[self.elements])
+
+    def _set_materials(self, materials: MaterialTable, body: NDArray) -> None:
+        self._body = body
+        self._split = materials.split[body]
+        self._lam, self._mu = materials.lame_lambda[body], materials.shear_modulus[body]
+        self._breaks = bool(materials.breakable.any())
+        # one value per element, as a column so that it spreads over the Gauss points
+        self._coefficients = PhaseFieldCoefficients(materials, body[:, None])
+
+    def _set_equations(self) -> None:
+        self.constraints = NodeConstraints(self.case, self.nodes)
+        self._unknowns = (2 * self.elements[:, :, None] + np.arange(2)).reshape(len(self.elements), -1)
+        pattern = SymmetricPattern(self.constraints.equations[self._unknowns], self.constraints.size)
+        self._solver = linear_solver(pattern, self.costs)
+        self._pattern = pattern
+        self._local = kernels.packed(self._unknowns.shape[1], len(self.elements))
+        self._external = self._body_forces()
+        if self._breaks:
+            self._set_phase_equations()
+
+    def _set_phase_equations(self) -> None:
+        equations = self.constraints.phase_equations[self.elements]
+        self._phase_pattern = SymmetricPattern(equations, self.constraints.phase_size)
+        self._phase_solver = linear_solver(self._phase_pattern, Costs())
+        self._phase_local = kernels.packed(self.elements.shape[1], len(self.elements))
+
+    def _body_forces(self) -> NDArray:
+        """Nodal forces (2 n_nodes,) of the exact solution's body force at unit load."""
+        size = 2 * len(self.nodes)
+        solution = SOLUTIONS.get(self.case.exact or "")
+        if solution is None or solution.body_force is None:
+            return np.zeros(size)
+        density = solution.body_force(self.case, self.gauss_points.reshape(-1, 2), 1.0)
+        density = density.reshape(self.gauss_points.shape) * self.volume[..., None]
+        local = np.einsum("qa,eqi->eai", self.shape, density)
+        return gather_vector(self._unknowns, local, size)
+
+    def _set_initial_state(self) -> None:
+        n_elements, n_gauss = self.volume.shape
+        self.displacement = np.zeros((len(self.nodes), 2))
+        self.nodal_phase_field = self.constraints.phase_value.copy()
+        self._gradient = np.zeros((n_elements, n_gauss, 4))
+        self._stress, self._psi = np.zeros((n_elements, n_gauss, 3)), np.zeros((n_elements, n_gauss, 2))
+        self._forces = np.zeros((n_elements, self._unknowns.shape[1]))
+        self._c, self._slope_squared = np.ones((n_elements, n_gauss)), np.zeros((n_elements, n_gauss))
+        self._force_scale = 0.0
+        self.history_field = self._initial_history()
+        self._committed = (self.displacement.copy(), self.nodal_phase_field.copy())
+        self.costs.count.update(
+            unknowns_displacement=self.constraints.size,
+            unknowns_phase_field=self.constraints.phase_size if self._breaks else 0,
+            points=self.volume.size,
+            cells=n_elements,
+        )
+
+    def _initial_history(self) -> NDArray:
+        history_field = np.zeros(self.volume.size)
+        toughness = np.broadcast_to(self._coefficients.toughness, self.volume.shape).ravel()
+        length_scale = np.broadcast_to(self._coefficients.length_scale, self.volume.shape).ravel()
+        points = self.gauss_points.reshape(-1, 2)
+        for notch in self.case.notches:
+            if notch.kind == "history":
+                start, end = np.array(notch.start), np.array(notch.end)
+                crack = notch_history(points, start, end, notch.factor, toughness, length_scale)
+                history_field = np.maximum(history_field, crack)
+        return history_field
+
+    # ---------------------------------------------------------------- staggered scheme
+
+    @property
+    def phase_field(self) -> NDArray:
+        """Phase field (n_points,) at the Gauss points, trial state."""
+        return self._c.ravel()
+
+    def begin_step(self) -> None:
+        """Nothing to prepare: the mesh is the mesh."""
+
+    def solve_phase_field(self, history_field: NDArray) -> NDArray:
+        """Phase field at the Gauss points for a history field (n_points,), Eq. 4.16."""
+        if not self._breaks:
+            return self.phase_field
+        with self.costs.timed("phase_field"):
+            reaction = self._coefficients.reaction(history_field.reshape(self.volume.shape))
+            kernels.phase_field_matrices(
+                self.shape, self.slope, self.volume, reaction, self._coefficients.diffusion[:, 0], self._phase_local
+            )
+            correction = self._solve_phase_correction(reaction)
+            equations = self.constraints.phase_equations
+            free = equations >= 0
+            self.nodal_phase_field[free] += correction[equations[free]]
+            self._map_phase_field()
+        return self.phase_field.copy()
+
+    def _solve_phase_correction(self, reaction: NDArray) -> NDArray:
+        """Change of the nodal phase field from its residual (Eq. 4.13), prescribed values included."""
+        self._map_phase_field()
+        mass = (self._coefficients.resistance - reaction * self._c) * self.volume
+        local = mass @ self.shape
+        slopes = np.einsum("eqai,ea->eqi", self.slope, self.nodal_phase_field[self.elements])
+        slopes *= (self._coefficients.diffusion * self.volume)[..., None]
+        local -= np.einsum("eqai,eqi->ea", self.slope, slopes)
+        equations = self.constraints.phase_equations[self.elements]
+        residual = gather_vector(equations, local, self.constraints.phase_size)
+        return self._phase_solver.solve(self._phase_pattern.gather(self._phase_local), residual)
+
+    def _map_phase_field(self) -> None:
+        kernels.scalar_at_points(
+            self.elements, self.shape, self.slope, self.nodal_phase_field, self._c, self._slope_squared
+        )
+
+    def solve_displacement(self, load: float, tolerance: float) -> NDArray:
+        """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
+        self._load = load
+        self._g = degradation(self._c, self._coefficients.residual_stiffness)
+        prescribed = self.constraints.prescribed
+        flat = self.displacement.reshape(-1)
+        flat[prescribed] = self.constraints.prescribed_values(load)[prescribed]
+        start = np.zeros(self.constraints.size)
+        start[self.constraints.equations[~prescribed]] = flat[~prescribed]
+        _, iterations = newton(self, start, tolerance)
+        self.costs.count["newton"] += iterations
+        return self._psi[..., 0].ravel().copy()
+
+    def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
+        """Out-of-balance forces of the free unknowns and the scale of the forces."""
+        with self.costs.timed("assembly"):
+            free = ~self.constraints.prescribed
+            self.displacement.reshape(-1)[free] = unknowns[self.constraints.equations[free]]
+            self._evaluate_forces()
+            size = 2 * len(self.nodes)
+            self._nodal_forces = gather_vector(self._unknowns, self._forces, size) - self._load * self._external
+            fixed = self._nodal_forces[self.constraints.prescribed]
+            applied = float(np.linalg.norm(fixed) + np.linalg.norm(self._load * self._external))
+            self._force_scale = max(self._force_scale, applied)
+            equations = self.constraints.equations
+            return gather_vector(equations, self._nodal_forces, self.constraints.size), self._force_scale
+
+    def _evaluate_forces(self) -> None:
+        kernels.displacement_gradients(self.elements, self.slope, self.displacement, self._gradient)
+        kernels.internal_forces(
+            self.slope, self.volume, self._gradient, self._g, self._split, self._lam, self._mu,
+            self._forces, self._stress, self._psi,
+        )  # fmt: skip
+
+    def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
+        """Newton step -K^-1 R with the consistent tangent (Eq. 3.59)."""
+        with self.costs.timed("assembly"):
+            kernels.tangents(
+                self.slope, self.volume, self._gradient, self._g, self._split, self._lam, self._mu, self._local
+            )
+            values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
+        return self._solver.solve(values, -residual)
+
+    def commit(self, history_field: NDArray) -> None:
+        """Make the trial state the state."""
+        self.history_field = history_field
+        self._committed = (self.displacement.copy(), self.nodal_phase_field.copy())
+
+    def undo(self) -> None:
+        """Back to the last committed state."""
+        self.displacement[:], self.nodal_phase_field[:] = self._committed
+        self._map_phase_field()
+        self._g = degradation(self._c, self._coefficients.residual_stiffness)
+        self._evaluate_forces()
+
+    # ---------------------------------------------------------------- what can be seen
+
+    def reaction_force(self) -> float:
+        """Force conjugate to the load parameter, from the residual at the prescribed unknowns."""
+        return float(self._nodal_forces @ self.constraints.prescribed_rates(self._load))
+
+    def energies(self) -> tuple[float, float]:
+        """Elastic and fracture energy [energy] (Eq. 2.49)."""
+        elastic = float((self.energy_density * self.volume).sum())
+        if not self._breaks:
+            return elastic, 0.0
+        density = crack_density(self._c, self._slope_squared, self._coefficients.length_scale)
+        return elastic, float((self._coefficients.toughness * density * self.volume).sum())
+
+    @property
+    def energy_density(self) -> NDArray:
+        """Degraded elastic energy density (n_elements, n_gauss) [stress]."""
+        g = degradation(self._c, self._coefficients.residual_stiffness)
+        return g * self._psi[..., 0] + self._psi[..., 1]
+
+    def fields(self) -> Fields:
+        """Gauss points and nodes as they stand."""
+        n_points = self.volume.size
+        displacement = np.einsum("qa,eai->eqi", self.shape, self.displacement[self.elements]).reshape(-1, 2)
+        reference = self.gauss_points.reshape(-1, 2)
+        return Fields(
+            points=reference + displacement,
+            reference=reference,
+            volume=self.volume.ravel(),
+            displacement=displacement,
+            gradient=self._gradient.reshape(n_points, 4).copy(),
+            phase_field=self.phase_field.copy(),
+            history_field=self.history_field.copy(),
+            stress=self._stress.reshape(n_points, 3).copy(),
+            energy_density=self.energy_density.ravel(),
+            body=np.repeat(self._body, self.volume.shape[1]),
+            grid_points=self.nodes,
+            grid_cells=self.elements,
+            grid_displacement=self.displacement.copy(),
+            grid_phase_field=self.nodal_phase_field.copy(),
+        )
+
+    def measures(self) -> dict[str, float]:
+        """Errors against the exact solution, where the case has one."""
+        return exact_errors(self.case, self.fields(), self._load)

@@ -1,0 +1,170 @@
+"""The background grid: tensor-product B-splines, opened along slits of no width."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from cases import Case
+from cases.spacing import grid_lines
+
+from .splines import Axis
+
+
+class GridError(ValueError):
+    """The grid cannot hold the case, or points have left it."""
+
+
+class Slit:
+    """An axis-parallel crack of no width on a grid line.
+
+    ``normal`` is the direction across it (0 for x, 1 for y), ``position`` its place there, ``start`` and ``end``
+    its extent along the other direction; an end on the body's boundary is moved to infinity.
+    """
+
+    def __init__(self, start: NDArray, end: NDArray, lower: NDArray, upper: NDArray) -> None:
+        across = np.isclose(start, end)
+        if not across.any():
+            raise GridError(
+                f"notches: the slit from {start.tolist()} to {end.tolist()} is inclined, but the grid can open only along"
+                ' its lines; make it axis-parallel, or use kind = "history"'
+            )
+        self.normal = int(np.flatnonzero(across)[0])
+        along = 1 - self.normal
+        self.position = float(start[self.normal])
+        first, last = sorted((start[along], end[along]))
+        tolerance = 1e-9 * (upper[along] - lower[along])
+        self.start = -np.inf if first <= lower[along] + tolerance else first
+        self.end = np.inf if last >= upper[along] - tolerance else last
+
+    def sides(self, reference: NDArray) -> NDArray:
+        """-1 below, +1 above, 0 beside the slit (n,), from reference positions (n, 2)."""
+        along, across = reference[:, 1 - self.normal], reference[:, self.normal]
+        beside = (along < self.start) | (along > self.end)
+        return np.where(beside, 0, np.where(across < self.position, -1, 1))
+
+
+class Grid:
+    """Tensor-product B-spline grid around the bodies of a case.
+
+    Attributes
+    ----------
+    axes : the two directions.
+    node_number : (nx, ny) number of each function; functions joined across a slit's line share one.
+    nodes : (n_nodes, 2) Greville points.
+    """
+
+    def __init__(self, case: Case) -> None:
+        lower, upper = case.bounding_box()
+        self.order = case.mpm.order
+        self._box = (lower, upper)
+        self.slits = [
+            Slit(np.array(n.start, float), np.array(n.end, float), lower, upper)
+            for n in case.notches
+            if n.kind == "slit"
+        ]
+        lines = [_widened(np.asarray(axis), case.mpm.margin) for axis in grid_lines(case)]
+        self.axes = [Axis(lines[d], self.order, self._multiplicity(d, lines[d])) for d in (0, 1)]
+        self.node_number, self.n_nodes = self._join_functions()
+        abscissae = [axis.greville() for axis in self.axes]
+        self.nodes = np.empty((self.n_nodes, 2))
+        self.nodes[self.node_number.ravel()] = np.stack(np.meshgrid(*abscissae, indexing="ij"), -1).reshape(-1, 2)
+
+    def check_edges_interpolate(self) -> None:
+        """Prescribed grid nodes need functions that interpolate on the body's edges."""
+        lower, upper = self._box
+        on_edges = all(
+            np.isclose(axis.breakpoints[0], lower[d]) and np.isclose(axis.breakpoints[-1], upper[d])
+            for d, axis in enumerate(self.axes)
+        )
+        if self.order > 1 and not on_edges:
+            raise GridError(
+                "mpm.constraints_on: nodes of B-splines of order 2 or 3 lie on the body's edges only where the grid ends"
+                ' there; set mpm.margin = 0, or constraints_on = "points"'
+            )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of cells in x and y."""
+        return self.axes[0].n_cells, self.axes[1].n_cells
+
+    def _multiplicity(self, direction: int, lines: NDArray) -> dict[int, int]:
+        """Knots to repeat: broken on a slit's line, C0 at its tips."""
+        repeats: dict[int, int] = {}
+        for slit in self.slits:
+            if slit.normal == direction:
+                repeats[_line_index(lines, slit.position)] = self.order + 1
+            else:
+                for tip in (slit.start, slit.end):
+                    if np.isfinite(tip):
+                        index = _line_index(lines, tip)
+                        repeats[index] = max(self.order, repeats.get(index, 0))
+        return repeats
+
+    def _join_functions(self) -> tuple[NDArray, int]:
+        """Number the functions; those on both sides of a slit's line are one except along the slit."""
+        shape = tuple(axis.n_functions for axis in self.axes)
+        numbers = np.arange(shape[0] * shape[1]).reshape(shape)
+        pairs = [self._pairs_to_join(slit, numbers) for slit in self.slits]
+        if not pairs:
+            return numbers, numbers.size
+        joined = np.concatenate(pairs, axis=1)
+        graph = sparse.coo_matrix((np.ones(joined.shape[1]), joined), shape=(numbers.size, numbers.size))
+        count, labels = sparse.csgraph.connected_components(graph, directed=False)
+        # number in order of first appearance, as without slits
+        _, first = np.unique(labels, return_index=True)
+        ranks = np.empty(count, dtype=int)
+        ranks[np.argsort(first)] = np.arange(count)
+        return ranks[labels].reshape(shape), count
+
+    def _pairs_to_join(self, slit: Slit, numbers: NDArray) -> NDArray:
+        across, along = self.axes[slit.normal], self.axes[1 - slit.normal]
+        above = int(np.searchsorted(across.knots, slit.position - 1e-12 * np.ptp(across.breakpoints)))
+        left, right = along.support()
+        tolerance = 1e-9 * np.ptp(along.breakpoints)
+        open_ = (left >= slit.start - tolerance) & (right <= slit.end + tolerance)
+        by_line = np.moveaxis(numbers, slit.normal, 0)
+        return np.stack([by_line[above - 1, ~open_], by_line[above, ~open_]])
+
+    def locate(self, positions: NDArray, sides: list[NDArray]) -> tuple[NDArray, NDArray]:
+        """Cells (n,) in x and in y of points; those beside a slit stay on their side of it."""
+        cells = [axis.locate(positions[:, d]) for d, axis in enumerate(self.axes)]
+        for d, axis in enumerate(self.axes):
+            if ((cells[d] < 0) | (cells[d] >= axis.n_cells)).any():
+                raise GridError("material points have left the grid; enlarge mpm.margin")
+        for slit, side in zip(self.slits, sides, strict=True):
+            line = _line_index(self.axes[slit.normal].breakpoints, slit.position)
+            across = cells[slit.normal]
+            np.minimum(across, line - 1, out=across, where=side < 0)
+            np.maximum(across, line, out=across, where=side > 0)
+        return cells[0], cells[1]
+
+    def cell_nodes(self, cells_x: NDArray, cells_y: NDArray) -> NDArray:
+        """Nodes (n, (order + 1)^2) whose functions live on the cells."""
+        offsets = np.arange(self.order + 1)
+        rows = (self.axes[0].spans[cells_x] - self.order)[:, None] + offsets
+        columns = (self.axes[1].spans[cells_y] - self.order)[:, None] + offsets
+        return self.node_number[rows[:, :, None], columns[:, None, :]].reshape(len(cells_x), -1).astype(np.int32)
+
+    def evaluate(self, positions: NDArray, cells_x: NDArray, cells_y: NDArray) -> tuple[NDArray, NDArray]:
+        """Values (n, k) and gradients (n, k, 2) at points of the functions on their cells, Eqs. 3.69-3.70."""
+        (x, dx), (y, dy) = (
+            axis.evaluate(np.ascontiguousarray(positions[:, d]), cells)
+            for d, (axis, cells) in enumerate(zip(self.axes, (cells_x, cells_y), strict=True))
+        )
+        values = (x[:, :, None] * y[:, None, :]).reshape(len(positions), -1)
+        gradients = np.stack([dx[:, :, None] * y[:, None, :], x[:, :, None] * dy[:, None, :]], axis=-1)
+        return values, gradients.reshape(len(positions), -1, 2)
+
+
+def _line_index(lines: NDArray, position: float) -> int:
+    return int(np.argmin(np.abs(lines - position)))
+
+
+def _widened(lines: NDArray, margin: int) -> NDArray:
+    """Grid lines with ``margin`` more cells, as large as the outermost ones, on both sides."""
+    steps = np.arange(1, margin + 1)
+    before = lines[0] - steps[::-1] * (lines[1] - lines[0])
+    after = lines[-1] + steps * (lines[-1] - lines[-2])
+    return np.concatenate([before, lines, after])

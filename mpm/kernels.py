@@ -1,0 +1,118 @@
+"""Compiled loops over cells and the material points in them.
+
+Arrays: ``nodes`` (n_cells, k) nodes of each cell of the pattern; points ``members[starts[e]:starts[e + 1]]`` lie in cell
+e; ``value`` (n_points, k) and ``slope`` (n_points, k, 2) are the basis at the points. Local unknowns are ordered node by
+node, x before y; local matrices keep the upper half, row by row.
+"""
+
+from __future__ import annotations
+
+from numba import njit, prange
+
+from physics.energy_splits import point_response
+
+
+@njit(cache=True, parallel=True)
+def add_gradients(nodes, cell, slope, displacement, committed, gradient):
+    """Displacement gradient (n_points, 4) after a grid displacement (n_nodes, 2) on top of the committed one."""
+    for p in prange(slope.shape[0]):
+        xx, xy, yx, yy = committed[p, 0], committed[p, 1], committed[p, 2], committed[p, 3]
+        for a in range(slope.shape[1]):
+            node = nodes[cell[p], a]
+            ux, uy = displacement[node, 0], displacement[node, 1]
+            xx += slope[p, a, 0] * ux
+            xy += slope[p, a, 1] * ux
+            yx += slope[p, a, 0] * uy
+            yy += slope[p, a, 1] * uy
+        gradient[p, 0], gradient[p, 1], gradient[p, 2], gradient[p, 3] = xx, xy, yx, yy
+
+
+@njit(cache=True, parallel=True)
+def stresses(gradient, degradation, split, lam, mu, stress, psi):
+    """Stress (n_points, 3) and psi_plus, psi_minus (n_points, 2) from the displacement gradient."""
+    for p in prange(gradient.shape[0]):
+        r = point_response(
+            split[p], degradation[p], gradient[p, 0], gradient[p, 3], gradient[p, 1] + gradient[p, 2], lam[p], mu[p]
+        )
+        stress[p, 0], stress[p, 1], stress[p, 2] = r.sxx, r.syy, r.sxy
+        psi[p, 0], psi[p, 1] = r.psi_plus, r.psi_minus
+
+
+@njit(cache=True, parallel=True)
+def internal_forces(starts, members, slope, volume, stress, local):
+    """Forces (n_cells, 2k) on the nodes of each cell from the stress of its points, Eq. 3.55."""
+    for e in prange(local.shape[0]):
+        local[e, :] = 0.0
+        for m in range(starts[e], starts[e + 1]):
+            p = members[m]
+            sxx, syy, sxy = stress[p, 0] * volume[p], stress[p, 1] * volume[p], stress[p, 2] * volume[p]
+            for a in range(slope.shape[1]):
+                local[e, 2 * a] += slope[p, a, 0] * sxx + slope[p, a, 1] * sxy
+                local[e, 2 * a + 1] += slope[p, a, 1] * syy + slope[p, a, 0] * sxy
+
+
+@njit(cache=True, parallel=True)
+def tangents(starts, members, slope, volume, gradient, degradation, split, lam, mu, local):
+    """Upper halves (n_cells, k (2k + 1)) of the tangent of each cell: sum of B^T D B Omega over its points, Eq. 3.59."""
+    k = slope.shape[1]
+    for e in prange(local.shape[0]):
+        local[e, :] = 0.0
+        for m in range(starts[e], starts[e + 1]):
+            p = members[m]
+            r = point_response(
+                split[p], degradation[p], gradient[p, 0], gradient[p, 3], gradient[p, 1] + gradient[p, 2], lam[p], mu[p]
+            )
+            row = 0
+            for a in range(k):
+                gx, gy = slope[p, a, 0] * volume[p], slope[p, a, 1] * volume[p]
+                row_x0, row_x1, row_x2 = gx * r.d00 + gy * r.d02, gx * r.d01 + gy * r.d12, gx * r.d02 + gy * r.d22
+                row_y0, row_y1, row_y2 = gy * r.d01 + gx * r.d02, gy * r.d11 + gx * r.d12, gy * r.d12 + gx * r.d22
+                second = row + 2 * (k - a) - 1
+                for b in range(a, k):
+                    hx, hy, place = slope[p, b, 0], slope[p, b, 1], 2 * (b - a)
+                    local[e, row + place] += row_x0 * hx + row_x2 * hy
+                    local[e, row + place + 1] += row_x1 * hy + row_x2 * hx
+                    local[e, second + place + 1] += row_y1 * hy + row_y2 * hx
+                    if b > a:
+                        local[e, second + place] += row_y0 * hx + row_y2 * hy
+                row += 4 * (k - a) - 1
+
+
+@njit(cache=True, parallel=True)
+def phase_field_systems(nodes, starts, members, value, slope, volume, reaction, resistance, diffusion, nodal, local, rest):
+    """Upper halves (n_cells, k (k + 1) / 2) of Eq. 4.17 and out-of-balance vectors (n_cells, k) of Eq. 4.13."""
+    k = value.shape[1]
+    for e in prange(local.shape[0]):
+        local[e, :] = 0.0
+        rest[e, :] = 0.0
+        for m in range(starts[e], starts[e + 1]):
+            p = members[m]
+            c = cx = cy = 0.0
+            for a in range(k):
+                phase = nodal[nodes[e, a]]
+                c += value[p, a] * phase
+                cx += slope[p, a, 0] * phase
+                cy += slope[p, a, 1] * phase
+            mass, stiffness = reaction[p] * volume[p], diffusion[p] * volume[p]
+            source = (resistance[p] - reaction[p] * c) * volume[p]
+            entry = 0
+            for a in range(k):
+                gx, gy, n = stiffness * slope[p, a, 0], stiffness * slope[p, a, 1], mass * value[p, a]
+                rest[e, a] += value[p, a] * source - gx * cx - gy * cy
+                for b in range(a, k):
+                    local[e, entry] += n * value[p, b] + gx * slope[p, b, 0] + gy * slope[p, b, 1]
+                    entry += 1
+
+
+@njit(cache=True, parallel=True)
+def scalar_at_points(nodes, cell, value, slope, nodal, at_points, slope_squared):
+    """Value and squared gradient (n_points,) of a nodal scalar."""
+    for p in prange(value.shape[0]):
+        c = cx = cy = 0.0
+        for a in range(value.shape[1]):
+            phase = nodal[nodes[cell[p], a]]
+            c += value[p, a] * phase
+            cx += slope[p, a, 0] * phase
+            cy += slope[p, a, 1] * phase
+        at_points[p] = c
+        slope_squared[p] = cx * cx + cy * cy

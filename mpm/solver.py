@@ -1,0 +1,367 @@
+"""Quasi-static phase-field Material Point Method (thesis Algorithm 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+from numerics.costs import Costs
+from numerics.exact_errors import exact_errors
+from numerics.fields import Fields
+from numerics.linear_solvers import lift_empty_diagonal, linear_solver
+from numerics.newton import newton
+from numerics.sparse_pattern import SymmetricPattern, gather_vector
+from physics.elasticity import MaterialTable
+from physics.exact import SOLUTIONS
+from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, notch_history
+
+from . import kernels
+from .active_grid import ActiveGrid
+from .constraints import Motion, PointPenalty, displacement_motions, nodes_on, points_on
+from .grid import Grid
+from .placement import place_points
+
+
+@dataclass
+class PointState:
+    """What the material points carry from step to step."""
+
+    positions: NDArray
+    displacement: NDArray
+    gradient: NDArray
+    phase_field: NDArray
+    history_field: NDArray
+    load: float = 0.0
+    tied: NDArray = field(default_factory=lambda: np.zeros(0))
+
+
+class MaterialPoints:
+    """Material points on a B-spline grid that is reset in every step; implements ``Discretisation``.
+
+    Equilibrium is that of the whole stress at the points' present places, not of its increment, so that
+    nothing is left unbalanced from step to step. The trial state is the increment of the grid's displacement.
+    """
+
+    def __init__(self, case: Case) -> None:
+        self.case, self.costs = case, Costs()
+        self.grid, self.cloud = Grid(case), place_points(case)
+        self._set_materials(MaterialTable(case))
+        self._set_constraints()
+        n_points = len(self.cloud.positions)
+        self.state = PointState(
+            positions=self.cloud.positions.copy(),
+            displacement=np.zeros((n_points, 2)),
+            gradient=np.zeros((n_points, 4)),
+            phase_field=np.ones(n_points),
+            history_field=self._initial_history(),
+            load=case.load.path[0],
+            tied=np.zeros(sum(motion.tied for motion in self._point_motions)),
+        )
+        self._sides = [slit.sides(self.cloud.positions) for slit in self.grid.slits]
+        self._phase_nodes = np.where(self._phase_fixed, self._phase_value, 1.0)
+        self._c, self._slope_squared = np.ones(n_points), np.zeros(n_points)
+        self._gradient, self._stress = np.zeros((n_points, 4)), np.zeros((n_points, 3))
+        self._psi = np.zeros((n_points, 2))
+        self._force_scale, self._constraint_error = 0.0, 0.0
+        self._active: ActiveGrid | None = None
+        self._basis_is_current = False
+
+    # ---------------------------------------------------------------- set-up
+
+    def _set_materials(self, materials: MaterialTable) -> None:
+        body = self.cloud.body
+        self._split = materials.split[body]
+        self._lam, self._mu = materials.lame_lambda[body], materials.shear_modulus[body]
+        self._breaks = bool(materials.breakable.any())
+        self._coefficients = PhaseFieldCoefficients(materials, body)
+
+    def _set_constraints(self) -> None:
+        case, grid = self.case, self.grid
+        self._node_motions: list[Motion] = []
+        self._point_motions: list[Motion] = []
+        on_points = points_on(case, self.cloud)
+        if case.mpm.constraints_on == "points":
+            self._point_motions = displacement_motions(case, on_points, self.cloud.positions)
+        else:
+            grid.check_edges_interpolate()
+            self._node_motions = displacement_motions(case, nodes_on(case, grid.nodes), grid.nodes)
+        self._phase_fixed, self._phase_value = np.zeros(grid.n_nodes, bool), np.zeros(grid.n_nodes)
+        for constraint in case.constraints:
+            if constraint.direction == "phase":
+                grid.check_edges_interpolate()
+                nodes = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
+                self._phase_fixed[nodes], self._phase_value[nodes] = True, constraint.value
+
+    def _initial_history(self) -> NDArray:
+        positions = self.cloud.positions
+        history_field = np.zeros(len(positions))
+        for notch in self.case.notches:
+            if notch.kind == "history":
+                start, end = np.array(notch.start, float), np.array(notch.end, float)
+                coefficients = self._coefficients
+                crack = notch_history(
+                    positions, start, end, notch.factor, coefficients.toughness, coefficients.length_scale
+                )
+                history_field = np.maximum(history_field, crack)
+        return history_field
+
+    # ---------------------------------------------------------------- staggered scheme
+
+    @property
+    def history_field(self) -> NDArray:
+        """History field (n_points,) of the committed state [stress]."""
+        return self.state.history_field
+
+    @property
+    def phase_field(self) -> NDArray:
+        """Phase field (n_points,) of the trial state."""
+        return self._c
+
+    def begin_step(self) -> None:
+        """Reset the grid: active cells, basis at the points' present places, equations."""
+        if not self._basis_is_current:
+            with self.costs.timed("basis"):
+                self._find_points_in_grid()
+            self._basis_is_current = True
+        self._increment = np.zeros((self.grid.n_nodes, 2))
+        self._tied = self.state.tied.copy()
+
+    def _find_points_in_grid(self) -> None:
+        cells = self.grid.locate(self.state.positions, self._sides)
+        if self._active is None or not self._active.holds(cells):
+            self._active = ActiveGrid(self.grid, cells)
+            self._set_equations(self._active)
+        self._active.sort_points(cells)
+        self._value, self._slope = self.grid.evaluate(self.state.positions, *cells)
+        self._penalties = PointPenalty(
+            self.case, self._point_motions, self._stiffness(), self._active, self._value, self._equations, self._size
+        )
+        self._external = self._body_forces()
+        self.costs.count["active_cells"] = self._active.n_occupied
+
+    def _stiffness(self) -> NDArray:
+        """Penalty (n_points,) [force / length]: a multiple of the uniaxial modulus times thickness."""
+        return self.case.mpm.penalty * (self._lam + 2.0 * self._mu) * self.case.plane.thickness
+
+    def _set_equations(self, active: ActiveGrid) -> None:
+        """Number the unknowns of the nodes in use and build the patterns."""
+        n_nodes = self.grid.n_nodes
+        used = np.zeros(n_nodes, bool)
+        used[active.nodes.ravel()] = True
+        free = np.repeat(used, 2)
+        master = np.arange(2 * n_nodes)
+        self._prescribed = np.zeros(2 * n_nodes, bool)
+        for motion in self._node_motions:
+            unknowns = 2 * motion.places + motion.component
+            if motion.tied:
+                master[unknowns] = unknowns[0]
+            else:
+                self._prescribed[unknowns] = True
+        free &= ~self._prescribed
+        leading = free & (master == np.arange(2 * n_nodes))
+        numbers = np.where(leading, np.cumsum(leading) - 1, -1)
+        self._equations = np.where(free, numbers[master], -1).astype(np.int32)
+        grid_size = int(leading.sum())
+        self._size = grid_size + len(self.state.tied)
+        self._unknowns = (2 * active.nodes[:, :, None] + np.arange(2)).reshape(len(active.nodes), -1)
+        extra = PointPenalty.coupling(self._point_motions, self._equations, grid_size)
+        self._pattern = SymmetricPattern(self._equations[self._unknowns], self._size, extra)
+        self._solver = linear_solver(self._pattern, self.costs, self.case.mpm.linear_solver)
+        k = self._unknowns.shape[1]
+        self._local = np.empty((len(active.nodes), k * (k + 1) // 2))
+        self._local_forces = np.empty((len(active.nodes), k))
+        self.costs.count.update(pattern_builds=1)
+        self.costs.count["unknowns_displacement"] = self._size
+        self.costs.count["cells"], self.costs.count["points"] = len(active.nodes), len(self._c)
+        if self._breaks:
+            self._set_phase_equations(active, used)
+
+    def _set_phase_equations(self, active: ActiveGrid, used: NDArray) -> None:
+        free = used & ~self._phase_fixed
+        self._phase_equations = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
+        self._phase_pattern = SymmetricPattern(self._phase_equations[active.nodes], int(free.sum()))
+        self._phase_solver = linear_solver(self._phase_pattern, Costs())
+        k = active.nodes.shape[1]
+        self._phase_local = np.empty((len(active.nodes), k * (k + 1) // 2))
+        self._phase_rest = np.empty((len(active.nodes), k))
+        self.costs.count["unknowns_phase_field"] = int(free.sum())
+
+    def _body_forces(self) -> NDArray:
+        """Grid forces (2 n_nodes,) of the exact solution's body force at unit load."""
+        size = 2 * self.grid.n_nodes
+        solution = SOLUTIONS.get(self.case.exact or "")
+        if solution is None or solution.body_force is None:
+            return np.zeros(size)
+        density = solution.body_force(self.case, self.state.positions, 1.0) * self.cloud.volume[:, None]
+        local = self._value[:, :, None] * density[:, None, :]
+        return gather_vector(self._unknowns[self._active.cell], local, size)
+
+    def solve_phase_field(self, history_field: NDArray) -> NDArray:
+        """Phase field at the points for a history field (n_points,), Eq. 4.16."""
+        if not self._breaks:
+            return self._c
+        with self.costs.timed("phase_field"):
+            active, coefficients = self._active, self._coefficients
+            kernels.phase_field_systems(
+                active.nodes, active.starts, active.members, self._value, self._slope, self.cloud.volume,
+                coefficients.reaction(history_field), coefficients.resistance, coefficients.diffusion,
+                self._phase_nodes, self._phase_local, self._phase_rest,
+            )  # fmt: skip
+            equations = self._phase_equations
+            rest = gather_vector(equations[active.nodes], self._phase_rest, self._phase_pattern.size)
+            # cells of the pattern that hold no points leave empty rows
+            values = lift_empty_diagonal(self._phase_pattern, self._phase_pattern.gather(self._phase_local))
+            free = equations >= 0
+            self._phase_nodes[free] += self._phase_solver.solve(values, rest)[equations[free]]
+            self._map_phase_field()
+        return self._c.copy()
+
+    def _map_phase_field(self) -> None:
+        kernels.scalar_at_points(
+            self._active.nodes, self._active.cell, self._value, self._slope, self._phase_nodes,
+            self._c, self._slope_squared,
+        )  # fmt: skip
+
+    def solve_displacement(self, load: float, tolerance: float) -> NDArray:
+        """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
+        self._load = load
+        self._g = degradation(self._c, self._coefficients.residual_stiffness)
+        flat = self._increment.reshape(-1)
+        for motion in self._node_motions:
+            if not motion.tied:
+                change = motion.displacement(self.case, load) - motion.displacement(self.case, self.state.load)
+                flat[2 * motion.places + motion.component] = change
+        start = np.zeros(self._size)
+        free = self._equations >= 0
+        start[self._equations[free]] = flat[free]
+        start[self._size - len(self._tied) :] = self._tied
+        _, iterations = newton(self, start, tolerance)
+        self.costs.count["newton"] += iterations
+        return self._psi[:, 0].copy()
+
+    def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
+        """Out-of-balance forces of the free unknowns and the scale of the forces."""
+        with self.costs.timed("assembly"):
+            free = self._equations >= 0
+            self._increment.reshape(-1)[free] = unknowns[self._equations[free]]
+            self._tied = unknowns[self._size - len(self._tied) :].copy()
+            self._evaluate_stresses()
+            active = self._active
+            kernels.internal_forces(
+                active.starts, active.members, self._slope, self.cloud.volume, self._stress, self._local_forces
+            )
+            forces = gather_vector(self._unknowns, self._local_forces, 2 * self.grid.n_nodes)
+            self._nodal_forces = forces - self._load * self._external
+            residual = gather_vector(self._equations, self._nodal_forces, self._size)
+            penalty_forces = self._penalties.forces(self._point_displacement(), self._load, self._tied)
+            residual += self._penalties.residual(penalty_forces)
+            applied = np.linalg.norm(self._nodal_forces[self._prescribed]) + np.linalg.norm(penalty_forces)
+            applied += np.linalg.norm(self._load * self._external)
+            self._force_scale = max(self._force_scale, float(applied))
+            return residual, self._force_scale
+
+    def _evaluate_stresses(self) -> None:
+        active = self._active
+        kernels.add_gradients(
+            active.nodes, active.cell, self._slope, self._increment, self.state.gradient, self._gradient
+        )
+        kernels.stresses(self._gradient, self._g, self._split, self._lam, self._mu, self._stress, self._psi)
+
+    def _point_displacement(self, places: NDArray | None = None) -> NDArray:
+        """Displacement (n, 2) of the points after the trial increment."""
+        where = slice(None) if places is None else places
+        nodes = self._active.nodes[self._active.cell[where]]
+        return self.state.displacement[where] + np.einsum("pa,pai->pi", self._value[where], self._increment[nodes])
+
+    def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
+        """Newton step -K^-1 R with the consistent tangent (Eqs. 3.59, A.6)."""
+        with self.costs.timed("assembly"):
+            active = self._active
+            kernels.tangents(
+                active.starts, active.members, self._slope, self.cloud.volume, self._gradient, self._g,
+                self._split, self._lam, self._mu, self._local,
+            )  # fmt: skip
+            values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
+            self._penalties.add_stiffness(self._pattern, values)
+        return self._solver.solve(values, -residual)
+
+    def commit(self, history_field: NDArray) -> None:
+        """Make the trial state the state and carry the points with it."""
+        displacement = self._point_displacement()
+        error = self._penalties.constraint_error(displacement, self._load, self._tied)
+        self._constraint_error = max(self._constraint_error, error)
+        state = self.state
+        if self.case.mpm.move_points:
+            state.positions = state.positions + displacement - state.displacement
+            self._basis_is_current = False
+        state.displacement, state.gradient = displacement, self._gradient.copy()
+        state.phase_field, state.history_field = self._c.copy(), history_field
+        state.load, state.tied = self._load, self._tied
+        self._committed_phase_nodes = self._phase_nodes.copy()
+        self._increment[:] = 0.0
+
+    def undo(self) -> None:
+        """Back to the last committed state."""
+        self._increment[:] = 0.0
+        self._tied = self.state.tied.copy()
+        self._phase_nodes = self._committed_phase_nodes.copy()
+        self._map_phase_field()
+        self._g = degradation(self._c, self._coefficients.residual_stiffness)
+        self._evaluate_stresses()
+
+    # ---------------------------------------------------------------- what can be seen
+
+    def reaction_force(self) -> float:
+        """Force conjugate to the load parameter: from the residual at prescribed nodes or from the penalty."""
+        forces = self._penalties.forces(self._point_displacement(), self._load, self._tied)
+        total = -float(forces @ self._penalties.rates(self._load))
+        for motion in self._node_motions:
+            if not motion.tied:
+                nodal = self._nodal_forces[2 * motion.places + motion.component]
+                total += float(nodal @ motion.rate(self.case, self._load))
+        return total
+
+    def energies(self) -> tuple[float, float]:
+        """Elastic and fracture energy [energy] (Eq. 2.49)."""
+        elastic = float(self.energy_density @ self.cloud.volume)
+        if not self._breaks:
+            return elastic, 0.0
+        density = crack_density(self._c, self._slope_squared, self._coefficients.length_scale)
+        return elastic, float((self._coefficients.toughness * density) @ self.cloud.volume)
+
+    @property
+    def energy_density(self) -> NDArray:
+        """Degraded elastic energy density (n_points,) [stress]."""
+        g = degradation(self._c, self._coefficients.residual_stiffness)
+        return g * self._psi[:, 0] + self._psi[:, 1]
+
+    def fields(self) -> Fields:
+        """Points as they stand and the occupied cells of the grid."""
+        state = self.state
+        corners, cells, phase_field = self._active.corner_values(self._phase_nodes)
+        return Fields(
+            points=state.positions.copy(),
+            reference=self.cloud.positions,
+            volume=self.cloud.volume,
+            displacement=state.displacement.copy(),
+            gradient=state.gradient.copy(),
+            phase_field=self._c.copy(),
+            history_field=state.history_field.copy(),
+            stress=self._stress.copy(),
+            energy_density=self.energy_density,
+            body=self.cloud.body,
+            grid_points=corners,
+            grid_cells=cells,
+            grid_displacement=np.zeros_like(corners),
+            grid_phase_field=phase_field,
+        )
+
+    def measures(self) -> dict[str, float]:
+        """Largest violation of the constraints, and errors against the exact solution where there is one."""
+        errors = exact_errors(self.case, self.fields(), self.state.load)
+        if self._point_motions:
+            errors["constraint_error"] = self._constraint_error
+        return errors

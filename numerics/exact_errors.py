@@ -1,0 +1,33 @@
+"""Relative errors of the fields against a case's exact solution."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+from physics.exact import SOLUTIONS
+
+from .fields import Fields
+
+
+def exact_errors(case: Case, fields: Fields, load: float) -> dict[str, float]:
+    """Relative L2 errors by quadrature at the integration points; empty without an exact solution."""
+    if case.exact is None:
+        return {}
+    solution = SOLUTIONS[case.exact]
+    errors = {}
+    if solution.displacement is not None:
+        exact = solution.displacement(case, fields.reference, load)
+        errors["l2_error_displacement"] = _relative_error(fields.displacement, exact, fields.volume)
+    if solution.phase_field is not None:
+        exact = solution.phase_field(case, fields.reference, load)
+        errors["l2_error_phase_field"] = _relative_error(fields.phase_field, exact, fields.volume)
+    return errors
+
+
+def _relative_error(values: NDArray, exact: NDArray, volume: NDArray) -> float:
+    def norm(field: NDArray) -> float:
+        return float(np.sqrt(volume @ (field.reshape(len(volume), -1) ** 2).sum(axis=1)))
+
+    return norm(values - exact) / norm(exact)

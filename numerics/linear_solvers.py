@@ -1,0 +1,136 @@
+"""Linear solvers behind one interface: PARDISO where its platform allows, SuperLU as fallback, GMRES by name."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse.linalg as sparse_linalg
+from numpy.typing import NDArray
+
+from .costs import Costs
+from .sparse_pattern import SymmetricPattern
+
+try:
+    from pypardiso import PyPardisoSolver
+    from pypardiso.pardiso_wrapper import PyPardisoError
+except ImportError:  # platforms without MKL
+    PyPardisoSolver = None
+
+#: relative size of the value that keeps unknowns without stiffness (empty cells, broken material) solvable
+EMPTY_DIAGONAL = 1e-10
+
+
+class LinearSolverError(RuntimeError):
+    """A linear system could not be solved."""
+
+
+class LinearSolver(Protocol):
+    """Solves K x = b for matrices that share one pattern."""
+
+    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the pattern's values (nnz,) and the right side (n,)."""
+
+
+class Pardiso:
+    """MKL PARDISO: one symbolic factorisation per pattern, Cholesky, or LDL^T where Cholesky breaks down."""
+
+    POSITIVE_DEFINITE, INDEFINITE = 2, -2
+
+    def __init__(self, pattern: SymmetricPattern, costs: Costs) -> None:
+        self._pattern, self._costs = pattern, costs
+        self._solver = PyPardisoSolver(mtype=self.POSITIVE_DEFINITE)
+        self._analysed = False
+
+    def __del__(self) -> None:
+        self._solver.free_memory(everything=True)
+
+    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        matrix = self._pattern.upper(values)
+        try:
+            self._factorise(matrix)
+        except PyPardisoError:
+            self._solver.free_memory(everything=True)
+            self._solver.set_matrix_type(self.INDEFINITE)
+            self._analysed = False
+            self._factorise(matrix)
+        with self._costs.timed("solve"):
+            return self._call(33, matrix, right_side)
+
+    def _factorise(self, matrix) -> None:
+        with self._costs.timed("factorisation"):
+            if not self._analysed:
+                self._call(11, matrix)
+                self._analysed = True
+            self._call(22, matrix)
+        self._costs.count["factorisations"] += 1
+
+    def _call(self, phase: int, matrix, right_side: NDArray | None = None) -> NDArray:
+        self._solver.set_phase(phase)
+        if right_side is None:
+            right_side = np.zeros(matrix.shape[0])
+        # one column in Fortran order, as the library wants it
+        return self._solver._call_pardiso(matrix, right_side.reshape(-1, 1)).reshape(-1)
+
+
+class SuperLU:
+    """SciPy's SuperLU, for platforms without MKL."""
+
+    def __init__(self, pattern: SymmetricPattern, costs: Costs) -> None:
+        self._pattern, self._costs = pattern, costs
+
+    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        with self._costs.timed("factorisation"):
+            try:
+                factor = sparse_linalg.splu(
+                    self._pattern.full(values).tocsc(),
+                    permc_spec="MMD_AT_PLUS_A",
+                    options={"SymmetricMode": True, "DiagPivotThresh": 0.001},
+                )
+            except RuntimeError as error:
+                raise LinearSolverError(f"SuperLU could not factorise the matrix: {error}") from error
+        self._costs.count["factorisations"] += 1
+        with self._costs.timed("solve"):
+            return factor.solve(right_side)
+
+
+class Gmres:
+    """GMRES without preconditioner and from a zero guess, as in thesis section 3.9.11."""
+
+    def __init__(self, pattern: SymmetricPattern, costs: Costs, tolerance: float = 1e-10) -> None:
+        self._pattern, self._costs, self._tolerance = pattern, costs, tolerance
+
+    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        size = self._pattern.size
+        with self._costs.timed("solve"):
+            solution, failed = sparse_linalg.gmres(
+                self._pattern.full(values),
+                right_side,
+                rtol=self._tolerance,
+                restart=min(size, 500),
+                maxiter=20,
+                callback=self._count,
+                callback_type="legacy",
+            )
+        if failed:
+            raise LinearSolverError(f"GMRES did not reach {self._tolerance:g} for {size} unknowns")
+        return solution
+
+    def _count(self, _residual) -> None:
+        self._costs.count["gmres_iterations"] += 1
+
+
+def linear_solver(pattern: SymmetricPattern, costs: Costs, name: str = "direct") -> LinearSolver:
+    """The solver called ``name``: "direct" (PARDISO, or SuperLU without MKL), "superlu" or "gmres"."""
+    if name == "gmres":
+        return Gmres(pattern, costs)
+    if name == "direct" and PyPardisoSolver is not None:
+        return Pardiso(pattern, costs)
+    return SuperLU(pattern, costs)
+
+
+def lift_empty_diagonal(pattern: SymmetricPattern, values: NDArray) -> NDArray:
+    """Give unknowns without stiffness a small diagonal, in place; residuals are never touched by it."""
+    diagonal = values[pattern.diagonal]
+    values[pattern.diagonal] = diagonal + EMPTY_DIAGONAL * diagonal.max()
+    return values

@@ -1,0 +1,183 @@
+"""Quasi-static loading in increments that adapt: grown while nothing breaks, undone and halved when too much does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from cases import Case
+
+from .linear_solvers import LinearSolverError
+from .staggered import Discretisation, NewtonError, StepOutcome, staggered_step
+
+#: largest crack advance of one increment, as a share of l0, before the increment is halved
+ADVANCE_SHARE = 0.5
+#: growth of the increment after a quiet one
+GROWTH = 1.5
+#: below this phase field material counts as broken
+BROKEN_PHASE_FIELD = 0.1
+
+
+@dataclass(frozen=True)
+class Increment:
+    """One accepted increment: the discretisation holds its state while the increment is being listened to.
+
+    ``u`` is the load parameter, ``F`` the force conjugate to it; ``share`` is the part of the load path done.
+    """
+
+    step: int
+    u: float
+    F: float
+    elastic_energy: float
+    fracture_energy: float
+    external_work: float
+    c_min: float
+    staggered: int
+    newton: int
+    seconds: float
+    status: str
+    share: float
+    reason: str = ""
+
+
+def increments(discretisation: Discretisation, case: Case) -> Iterator[Increment]:
+    """Follow the load path of the case; yields the unloaded state first, then each accepted increment.
+
+    The last increment's status tells how it ended: "converged" or "one_pass" (path done), "broken_through",
+    or "no_convergence" (the state is the last good one, ``reason`` says why).
+    """
+    return _LoadPath(discretisation, case).follow()
+
+
+class _LoadPath:
+    """State of the march along the load path."""
+
+    def __init__(self, discretisation: Discretisation, case: Case) -> None:
+        self.discretisation, self.case = discretisation, case
+        self.load = case.load.path[0]
+        self.increment = case.load.increment
+        self.length = float(np.abs(np.diff(case.load.path)).sum()) or 1.0
+        self.done = 0.0
+        self.step = 0
+        self.work = 0.0
+        self.peak = 0.0
+        self.last: Increment | None = None
+        self.started = time.perf_counter()
+        self.newton_before = 0
+        materials = [case.materials[body.material].fracture for body in case.bodies.values()]
+        advances = [f.toughness * f.length_scale for f in materials if f is not None]
+        #: fracture energy that an advance by ADVANCE_SHARE l0 costs
+        self.energy_limit = ADVANCE_SHARE * case.plane.thickness * min(advances, default=np.inf)
+        self.adaptive = case.load.adaptive and case.staggered.scheme == "converged"
+
+    def follow(self) -> Iterator[Increment]:
+        yield self._first_state()
+        for target in self.case.load.path[1:]:
+            while self.load != target:
+                increment = self._advance(target)
+                yield increment
+                if increment.status in ("broken_through", "no_convergence"):
+                    return
+
+    def _first_state(self) -> Increment:
+        outcome = staggered_step(self.discretisation, self.case, self.load)
+        return self._accept(self.load, outcome, self._status())
+
+    def _status(self) -> str:
+        return "one_pass" if self.case.staggered.scheme == "one_pass" else "converged"
+
+    def _advance(self, target: float) -> Increment:
+        """One accepted increment towards the target, or the report that there is none."""
+        direction = np.sign(target - self.load)
+        while True:
+            size = min(self.increment, abs(target - self.load))
+            # do not leave a sliver before the target
+            load = target if abs(target - self.load) - size < 1e-9 * self.length else self.load + direction * size
+            smallest = size <= self.case.load.smallest * 1.001
+            outcome, problem = self._try(load, smallest)
+            if not problem:
+                return self._grow_and_accept(load, outcome)
+            self.discretisation.undo()
+            if smallest or not self.case.load.adaptive:
+                return self._report_failure(problem)
+            self.increment = max(0.5 * size, self.case.load.smallest)
+            self.discretisation.costs.count["undone_increments"] += 1
+
+    def _try(self, load: float, smallest: bool) -> tuple[StepOutcome, str]:
+        """Outcome of a staggered step and what speaks against accepting it."""
+        cautious = self.adaptive and not smallest
+
+        def give_up(iteration: int) -> str:
+            if self._broken(self.discretisation.reaction_force()):
+                return "broken through"
+            if cautious and self._advance_energy() > self.energy_limit:
+                return "crack advances too far"
+            return ""
+
+        try:
+            outcome = staggered_step(self.discretisation, self.case, load, give_up)
+        except (NewtonError, LinearSolverError) as error:
+            return StepOutcome("stalled", self.discretisation.history_field, 0), str(error)
+        if cautious and self._advance_energy() > self.energy_limit:
+            return outcome, "crack advances too far"
+        if outcome.verdict == "interrupted" and outcome.reason == "broken through":
+            return outcome, ""
+        return outcome, outcome.reason
+
+    def _advance_energy(self) -> float:
+        before = self.last.fracture_energy if self.last else 0.0
+        return self.discretisation.energies()[1] - before
+
+    def _broken(self, force: float) -> bool:
+        load = self.case.load
+        if not load.stop_when_broken or abs(force) >= load.broken_fraction * self.peak:
+            return False
+        # a force near zero on unloading is no break
+        return bool(self.discretisation.phase_field.min() < BROKEN_PHASE_FIELD)
+
+    def _grow_and_accept(self, load: float, outcome: StepOutcome) -> Increment:
+        quiet = self._advance_energy() < 0.25 * self.energy_limit
+        self.done += abs(load - self.load)
+        broken = self._broken(self.discretisation.reaction_force())
+        accepted = self._accept(load, outcome, "broken_through" if broken else self._status())
+        if self.adaptive and quiet:
+            self.increment = min(GROWTH * self.increment, self.case.load.increment)
+        return accepted
+
+    def _accept(self, load: float, outcome: StepOutcome, status: str) -> Increment:
+        discretisation = self.discretisation
+        force = discretisation.reaction_force()
+        elastic, fracture = discretisation.energies()
+        if self.last is not None:
+            self.work += 0.5 * (force + self.last.F) * (load - self.load)
+        self.peak = max(self.peak, abs(force))
+        newton = discretisation.costs.count["newton"]
+        discretisation.commit(outcome.history_field)
+        self.last = Increment(
+            step=self.step,
+            u=load,
+            F=force,
+            elastic_energy=elastic,
+            fracture_energy=fracture,
+            external_work=self.work,
+            c_min=float(discretisation.phase_field.min()),
+            staggered=outcome.iterations,
+            newton=newton - self.newton_before,
+            seconds=time.perf_counter() - self.started,
+            status=status,
+            share=min(1.0, self.done / self.length),
+            reason="",
+        )
+        self.load, self.newton_before = load, newton
+        self.step += 1
+        discretisation.costs.count["increments"] += 1
+        discretisation.costs.count["staggered_iterations"] += outcome.iterations
+        return self.last
+
+    def _report_failure(self, problem: str) -> Increment:
+        assert self.last is not None
+        reason = f"{problem}; the smallest increment {self.case.load.smallest:g} after u = {self.load:g} failed"
+        return Increment(**{**self.last.__dict__, "status": "no_convergence", "reason": reason})

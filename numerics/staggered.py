@@ -1,0 +1,115 @@
+"""The staggered scheme of thesis Algorithm 1, once for both solvers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+from physics.phase_field import update_history
+
+from .costs import Costs
+from .fields import Fields
+
+
+class Discretisation(Protocol):
+    """What a solver offers to the staggered scheme.
+
+    A step works on a trial state; ``commit`` makes it the state, ``undo`` forgets it.
+    """
+
+    costs: Costs
+    #: (n_points,) history field of the last committed state [stress]
+    history_field: NDArray
+    #: (n_points,) phase field of the trial state
+    phase_field: NDArray
+
+    def begin_step(self) -> None:
+        """Prepare the basis for the current positions (the FEM does nothing)."""
+
+    def solve_phase_field(self, history_field: NDArray) -> NDArray:
+        """Phase field (n_points,) for a history field (n_points,)."""
+
+    def solve_displacement(self, load: float, tolerance: float) -> NDArray:
+        """Tensile energy density (n_points,) in equilibrium at the load, for the trial phase field."""
+
+    def commit(self, history_field: NDArray) -> None:
+        """Make the trial state the state; the MPM moves its points."""
+
+    def undo(self) -> None:
+        """Back to the last committed state."""
+
+    def reaction_force(self) -> float:
+        """Force conjugate to the load parameter, trial state."""
+
+    def energies(self) -> tuple[float, float]:
+        """Elastic and fracture energy of the trial state."""
+
+    def fields(self) -> Fields:
+        """Everything to be seen of the trial state."""
+
+    def measures(self) -> dict[str, float]:
+        """Scalars that only the solver can tell, such as the constraint error."""
+
+
+class NewtonError(RuntimeError):
+    """Equilibrium was not reached."""
+
+
+@dataclass(frozen=True)
+class StepOutcome:
+    """How a staggered step ended.
+
+    ``verdict`` is "converged", "interrupted" (``give_up`` said so) or "stalled" (too many iterations).
+    """
+
+    verdict: str
+    history_field: NDArray
+    iterations: int
+    reason: str = ""
+
+
+def staggered_step(
+    discretisation: Discretisation,
+    case: Case,
+    load: float,
+    give_up: Callable[[int], str] = lambda iteration: "",
+) -> StepOutcome:
+    """Solve one increment.
+
+    ``give_up(iteration)`` is asked after every iteration; a non-empty reason ends the step as "interrupted".
+    """
+    discretisation.begin_step()
+    step = _one_pass if case.staggered.scheme == "one_pass" else _until_converged
+    return step(discretisation, case, load, give_up)
+
+
+def _one_pass(discretisation: Discretisation, case: Case, load: float, give_up) -> StepOutcome:
+    """The thesis's N_staggs = 1: phase field from the old history, then displacement."""
+    discretisation.solve_phase_field(discretisation.history_field)
+    tensile_energy = discretisation.solve_displacement(load, case.staggered.residual_tolerance)
+    history_field = update_history(discretisation.history_field, tensile_energy)
+    return StepOutcome("converged", history_field, 1)
+
+
+def _until_converged(discretisation: Discretisation, case: Case, load: float, give_up) -> StepOutcome:
+    """Displacement and phase field in turn until the phase field rests."""
+    settings = case.staggered
+    committed = discretisation.history_field
+    # points that have moved see last step's nodes elsewhere: map the phase field anew
+    phase_field = discretisation.solve_phase_field(committed)
+    history_field = committed
+    for iteration in range(1, settings.largest_iterations + 1):
+        tensile_energy = discretisation.solve_displacement(load, settings.residual_tolerance)
+        history_field = update_history(committed, tensile_energy)
+        previous, phase_field = phase_field, discretisation.solve_phase_field(history_field)
+        if np.abs(phase_field - previous).max() <= settings.tolerance:
+            return StepOutcome("converged", history_field, iteration)
+        reason = give_up(iteration)
+        if reason:
+            return StepOutcome("interrupted", history_field, iteration, reason)
+    return StepOutcome("stalled", history_field, settings.largest_iterations, f"{iteration} staggered iterations")

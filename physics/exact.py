@@ -1,0 +1,112 @@
+"""Exact solutions, by the names that case files use (``exact = ...`` and ``motion = ...``)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+
+from .elasticity import MaterialTable
+
+#: a vector or scalar field: (case, points (n, 2), load) -> (n, 2) or (n,)
+Field = Callable[[Case, NDArray, float], NDArray]
+
+
+@dataclass(frozen=True)
+class ExactSolution:
+    """What is known exactly of a case; None where nothing is.
+
+    ``force`` is (case, load) -> F; ``phase_field_minimum`` is (case, load) -> smallest c.
+    """
+
+    displacement: Field | None = None
+    body_force: Field | None = None
+    phase_field: Field | None = None
+    force: Callable[[Case, float], float] | None = None
+    phase_field_minimum: Callable[[Case, float], float] | None = None
+    fracture_energy: Callable[[Case], float] | None = None
+
+
+def _first_material(case: Case):
+    return next(iter(case.materials.values()))
+
+
+def mode_one_displacement(case: Case, points: NDArray, load: float) -> NDArray:
+    """Displacement (n, 2) of the plane-strain mode I field with its tip at (load, 0) and K^2 = E Gc / (1 - nu^2).
+
+    This is the "surfing" boundary condition of Hossain et al. (2014); the crack lies on y = 0, x < load.
+    """
+    material = _first_material(case)
+    mu, nu = material.mu, material.poisson_ratio
+    intensity = np.sqrt(material.young_modulus * material.fracture.toughness / (1.0 - nu**2))
+    x, y = points[:, 0] - load, points[:, 1]
+    radius, angle = np.hypot(x, y), np.arctan2(y, x)
+    factor = intensity / (2.0 * mu) * np.sqrt(radius / (2.0 * np.pi)) * (3.0 - 4.0 * nu - np.cos(angle))
+    return np.column_stack([factor * np.cos(0.5 * angle), factor * np.sin(0.5 * angle)])
+
+
+def _sine_displacement(case: Case, points: NDArray, load: float) -> NDArray:
+    """u = load (sin 2 pi x sin pi y, sin pi x sin 2 pi y), zero on the edges of the unit square."""
+    x, y = np.pi * points.T
+    return load * np.column_stack([np.sin(2 * x) * np.sin(y), np.sin(x) * np.sin(2 * y)])
+
+
+def _sine_body_force(case: Case, points: NDArray, load: float) -> NDArray:
+    """b = -div stress of ``_sine_displacement`` [force / length^3]."""
+    table = MaterialTable(case)
+    lam, mu = table.lame_lambda[0], table.shear_modulus[0]
+    x, y = np.pi * points.T
+    square = np.pi**2 * load
+    ux_xx, ux_yy = -4 * square * np.sin(2 * x) * np.sin(y), -square * np.sin(2 * x) * np.sin(y)
+    uy_xx, uy_yy = -square * np.sin(x) * np.sin(2 * y), -4 * square * np.sin(x) * np.sin(2 * y)
+    ux_xy = 2 * square * np.cos(2 * x) * np.cos(y)
+    uy_xy = 2 * square * np.cos(x) * np.cos(2 * y)
+    bx = (lam + 2 * mu) * ux_xx + mu * ux_yy + (lam + mu) * uy_xy
+    by = (lam + 2 * mu) * uy_yy + mu * uy_xx + (lam + mu) * ux_xy
+    return -np.column_stack([bx, by])
+
+
+def _at2_profile(case: Case, points: NDArray, load: float) -> NDArray:
+    """c = 1 - exp(-x / (2 l0)) beside a crack at x = 0, the end of the bar far away."""
+    length_scale = _first_material(case).fracture.length_scale
+    return 1.0 - np.exp(-np.abs(points[:, 0]) / (2.0 * length_scale))
+
+
+def _at2_energy(case: Case) -> float:
+    """Half of a crack's energy: Gc / 2 times its area (the bar's depth times thickness)."""
+    lower, upper = case.bounding_box()
+    depth = upper[1] - lower[1]
+    return 0.5 * _first_material(case).fracture.toughness * depth * case.plane.thickness
+
+
+def _bar_strain(case: Case, load: float) -> float:
+    lower, upper = case.bounding_box()
+    return load / (upper[0] - lower[0])
+
+
+def _bar_phase_field(case: Case, load: float) -> float:
+    """c = 1 / (1 + 4 l0 H / Gc) with H = E strain^2 / 2, uniaxial stress, k_f = 0."""
+    material = _first_material(case)
+    history_field = 0.5 * material.young_modulus * _bar_strain(case, load) ** 2
+    return 1.0 / (1.0 + 4.0 * material.fracture.length_scale * history_field / material.fracture.toughness)
+
+
+def _bar_force(case: Case, load: float) -> float:
+    """F = c^2 E strain times the cross-section."""
+    lower, upper = case.bounding_box()
+    section = (upper[1] - lower[1]) * case.plane.thickness
+    stress = _first_material(case).young_modulus * _bar_strain(case, load)
+    return _bar_phase_field(case, load) ** 2 * stress * section
+
+
+SOLUTIONS: dict[str, ExactSolution] = {
+    "elastic_sine": ExactSolution(displacement=_sine_displacement, body_force=_sine_body_force),
+    "at2_profile": ExactSolution(phase_field=_at2_profile, fracture_energy=_at2_energy),
+    "homogeneous_bar": ExactSolution(force=_bar_force, phase_field_minimum=_bar_phase_field),
+}
+
+MOTIONS: dict[str, Field] = {"mode_one": mode_one_displacement}

@@ -1,0 +1,58 @@
+"""Degradation, crack density and the history field of the second-order phase field (thesis 2.6.2).
+
+The phase field c is 1 where the material is intact and 0 where it is broken. Solvers use the variational
+form of Eq. 2.58, weighted by Gc / (2 l0), so that bodies of different toughness can meet:
+
+    [2 (1 - k_f) H + Gc / (2 l0)] c  -  div(2 Gc l0 grad c)  =  Gc / (2 l0)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .elasticity import MaterialTable
+
+
+def degradation(phase_field: NDArray, residual_stiffness: NDArray | float) -> NDArray:
+    """g = (1 - k_f) c^2 + k_f, Eq. 2.48."""
+    return (1.0 - residual_stiffness) * phase_field**2 + residual_stiffness
+
+
+def crack_density(phase_field: NDArray, gradient_squared: NDArray, length_scale: NDArray) -> NDArray:
+    """Z_c = (c - 1)^2 / (4 l0) + l0 |grad c|^2 [1/length], Eq. 2.46."""
+    return (phase_field - 1.0) ** 2 / (4.0 * length_scale) + length_scale * gradient_squared
+
+
+def update_history(committed: NDArray, tensile_energy: NDArray) -> NDArray:
+    """H = max over time of psi_plus (Eq. 2.59) [stress]."""
+    return np.maximum(committed, tensile_energy)
+
+
+class PhaseFieldCoefficients:
+    """Coefficients of the phase field equation at the points of one discretisation, all (n,)."""
+
+    def __init__(self, materials: MaterialTable, body: NDArray) -> None:
+        self.toughness = materials.toughness[body]
+        self.length_scale = materials.length_scale[body]
+        self.residual_stiffness = materials.residual_stiffness[body]
+        self.drive = np.where(materials.breakable[body], 2.0 * (1.0 - self.residual_stiffness), 0.0)
+        self.resistance = self.toughness / (2.0 * self.length_scale)
+        self.diffusion = 2.0 * self.toughness * self.length_scale
+
+    def reaction(self, history_field: NDArray) -> NDArray:
+        """Factor of c in the equation [stress], from the history field (n,) [stress]."""
+        return self.drive * history_field + self.resistance
+
+
+def notch_history(
+    points: NDArray, start: NDArray, end: NDArray, factor: float, toughness: NDArray, length_scale: NDArray
+) -> NDArray:
+    """Initial history field (n,) [stress] that stands for a crack from start to end, Eq. 6.51.
+
+    H = B Gc / (4 l0) (1 - d / l0) within the distance l0 of the segment, 0 beyond.
+    """
+    direction = end - start
+    along = np.clip((points - start) @ direction / (direction @ direction), 0.0, 1.0)
+    distance = np.linalg.norm(points - start - along[:, None] * direction, axis=1)
+    return factor * toughness / (4.0 * length_scale) * np.maximum(0.0, 1.0 - distance / length_scale)

@@ -1,0 +1,87 @@
+"""The shared laws, checked on their own: stress = d psi / d strain and tangent = d stress / d strain."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from physics.elasticity import in_plane_first_lame
+from physics.energy_splits import SPLIT_CODES, responses
+
+LAM, MU = 121.15, 80.77
+SPLITS = sorted(SPLIT_CODES)
+#: equal eigenvalues, all tension, all compression, uniaxial, pure shear, nearly equal eigenvalues
+SPECIAL = np.array(
+    [
+        [1e-3, 1e-3, 0.0], [-1e-3, -1e-3, 0.0], [2e-3, 1e-3, 5e-4], [-2e-3, -1e-3, 5e-4], [1e-3, 0.5e-3, 0.0],
+        [1e-3, -0.4e-3, 0.0], [0.0, 0.0, 1e-3], [1e-3, 1e-3 + 1e-9, 0.0], [0.3e-3, -1e-3, -2e-3],
+    ]
+)  # fmt: skip
+
+
+def energy(split, g, strain):
+    energies, _, _ = responses(split, g, strain, LAM, MU)
+    return g * energies[:, 0] + energies[:, 1]
+
+
+def central_difference(function, strain, step=1e-8):
+    columns = []
+    for k in range(3):
+        shift = np.zeros(3)
+        shift[k] = step
+        columns.append((function(strain + shift) - function(strain - shift)) / (2 * step))
+    return np.stack(columns, axis=-1)
+
+
+def away_from_kinks(strain, margin=1e-6):
+    """Strains whose trace and eigenvalues are not within the difference step of a change of sign."""
+    mean, radius = strain[:, :2].mean(1), np.hypot(0.5 * (strain[:, 0] - strain[:, 1]), 0.5 * strain[:, 2])
+    return strain[(abs(mean) > margin) & (abs(mean + radius) > margin) & (abs(mean - radius) > margin)]
+
+
+@pytest.mark.parametrize("split", SPLITS)
+@pytest.mark.parametrize("g_value", [1.0, 0.37, 0.0])
+def test_stress_and_tangent_are_derivatives(split, g_value):
+    random = np.random.default_rng(3).normal(scale=1e-3, size=(400, 3))
+    strain = np.vstack([away_from_kinks(random), away_from_kinks(SPECIAL)])
+    g = np.full(len(strain), g_value)
+    _, stress, tangent = responses(split, g, strain, LAM, MU)
+    numerical_stress = central_difference(lambda e: energy(split, g, e), strain)
+    numerical_tangent = central_difference(lambda e: responses(split, g, e, LAM, MU)[1], strain)
+    assert np.abs(stress - numerical_stress).max() < 1e-7 * LAM
+    assert np.abs(tangent - numerical_tangent).max() < 1e-5 * LAM
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_undamaged_law_is_hooke(split):
+    strain = np.vstack([np.random.default_rng(0).normal(scale=1e-3, size=(50, 3)), SPECIAL, np.zeros((1, 3))])
+    hooke = np.array([[LAM + 2 * MU, LAM, 0], [LAM, LAM + 2 * MU, 0], [0, 0, MU]])
+    energies, stress, tangent = responses(split, np.ones(len(strain)), strain, LAM, MU)
+    assert np.allclose(stress, strain @ hooke, rtol=1e-12, atol=1e-15)
+    assert np.allclose(tangent, hooke, rtol=1e-10)
+    assert np.allclose(energies.sum(1), 0.5 * np.einsum("pi,ij,pj->p", strain, hooke, strain), rtol=1e-12)
+
+
+@given(st.tuples(*[st.floats(-0.01, 0.01)] * 3), st.floats(0, 1))
+@settings(max_examples=200, deadline=None)
+def test_energy_is_split_into_two_parts_that_are_never_negative(strain, g):
+    for split in SPLITS:
+        energies, _, tangent = responses(split, np.array([g]), np.array([strain]), LAM, MU)
+        assert energies.min() >= 0
+        assert np.linalg.eigvalsh(tangent[0]).min() > -1e-9 * LAM
+
+
+def test_compression_does_not_drive_fracture():
+    compression = np.array([[-1e-3, -1e-3, 0.0]])
+    for split in ("spectral", "volumetric_deviatoric"):
+        energies, stress, _ = responses(split, np.zeros(1), compression, LAM, MU)
+        assert energies[0, 0] == 0
+        assert stress[0, 0] == pytest.approx(-2e-3 * (LAM + MU))
+
+
+def test_plane_stress_leaves_youngs_modulus_in_uniaxial_tension():
+    young, poisson = 210.0, 0.3
+    lam, mu = young * poisson / (1 + poisson) / (1 - 2 * poisson), young / 2 / (1 + poisson)
+    plane = in_plane_first_lame(lam, mu, "stress")
+    stress = responses("none", np.ones(1), np.array([[1e-3, -poisson * 1e-3, 0.0]]), plane, mu)[1][0]
+    assert stress == pytest.approx([young * 1e-3, 0, 0], abs=1e-12)
