@@ -35,7 +35,7 @@ SNAP = 1e-3
 
 @dataclass(frozen=True)
 class SizeField:
-    """Wanted length of edges [length]: h in the box; outside, each next one larger by `growth` up to `coarse`.
+    """Wanted length of edges [length]: h in the box, each next one outside larger by `growth` up to `coarse`.
 
     lower, upper : (2,) corners of the fine box; both infinite when all is fine
     """

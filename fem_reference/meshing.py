@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from cases import Case
+from cases.geometry import Shape
 from cases.notches import CellsNotch, SlitNotch
 from fem_reference.mesh_arrays import (
     Integers,
@@ -111,20 +112,19 @@ def uses_quads(case: Case) -> bool:
 def _opened_mesh(case: Case) -> MeshArrays:
     """All bodies as one mesh without its notches."""
     slits, remedy = _slits(case), REMEDY_QUADS if uses_quads(case) else REMEDY_TRIANGLES
-    shaped = [index for index, body in enumerate(case.bodies.values()) if body.shape]
+    shapes = {index: body.shape for index, body in enumerate(case.bodies.values()) if body.shape}
     parts = [
         _without_notches(case, read_mesh_file(body.mesh, index))
         for index, body in enumerate(case.bodies.values())
         if body.mesh
     ]
-    if parts:
-        remedy = REMEDY_FILE
-    if shaped and uses_quads(case):
-        parts.append(_without_notches(case, rectangles(case, shaped)))
-    elif shaped:
-        outlines = _outlines(case, shaped)
+    remedy = REMEDY_FILE if parts else remedy
+    if shapes and uses_quads(case):
+        parts.append(_without_notches(case, rectangles(case, list(shapes))))
+    elif shapes:
+        outlines = _outlines(case, shapes)
         slits = [snapped(slit, outlines, SNAP * case.mesh.h) for slit in slits]
-        parts.append(_triangles(case, shaped, outlines, slits))
+        parts.append(_triangles(case, shapes, outlines, slits))
     _check_one_kind(case, parts)
     mesh = joined(parts)
     _check_no_body_is_gone(case, mesh)
@@ -166,10 +166,9 @@ def _size_field(case: Case) -> SizeField:
     return SizeField(case.mesh.h, coarse, case.mesh.growth, lower, upper)
 
 
-def _outlines(case: Case, shaped: list[int]) -> list[BaseGeometry]:
+def _outlines(case: Case, shapes: dict[int, Shape]) -> list[BaseGeometry]:
     """Polygons of the bodies without the notches of kind "cells"."""
-    bodies, size = list(case.bodies.values()), _size_field(case)
-    outlines = [outline_of(bodies[index].shape, size) for index in shaped]
+    outlines = [outline_of(shape, _size_field(case)) for shape in shapes.values()]
     for notch in case.notches:
         if isinstance(notch, CellsNotch):
             segment = Slit("notch", notch.start, notch.end)
@@ -177,14 +176,16 @@ def _outlines(case: Case, shaped: list[int]) -> list[BaseGeometry]:
     return outlines
 
 
-def _triangles(case: Case, shaped: list[int], outlines: list[BaseGeometry], slits: list[Slit]) -> MeshArrays:
-    bodies, boundaries = list(case.bodies.values()), list(case.boundaries.values())
-    circles = [circle for index in shaped for circle in circles_of(bodies[index].shape)]
+def _triangles(
+    case: Case, shapes: dict[int, Shape], outlines: list[BaseGeometry], slits: list[Slit]
+) -> MeshArrays:
+    boundaries = case.boundaries.values()
+    circles = [circle for shape in shapes.values() for circle in circles_of(shape)]
     # Supports and patches of load begin and end at nodes.
     anchors = [boundary.point for boundary in boundaries if boundary.point]
     anchors += [corner for b in boundaries if b.box for corner in (b.box.lower, b.box.upper)]
     mesh = triangulate(outlines, _size_field(case), slits, anchors, circles)
-    return MeshArrays(mesh.points, mesh.cells, np.asarray(shaped)[mesh.body])
+    return MeshArrays(mesh.points, mesh.cells, np.array(list(shapes))[mesh.body])
 
 
 def _check_one_kind(case: Case, parts: list[MeshArrays]) -> None:
