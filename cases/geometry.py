@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, field_validator, model_validator
 from shapely.geometry.base import BaseGeometry
 
-from cases.errors import BrokenRuleError
+from cases.errors import BrokenRuleError, CaseError
 from cases.table import Table, require_one
 from cases.units import Length, Point
 
@@ -167,14 +167,30 @@ def _polygon_contains(polygon: BaseGeometry, points: Array, slack: float) -> NDA
     return inside | near if slack > 0 else inside & ~near
 
 
-@lru_cache(maxsize=16)
 def mesh_outline(path: Path) -> BaseGeometry:
-    """Union of the triangles and quadrilaterals of a mesh file, in the file's own numbers."""
-    import meshio
+    """Union of the triangles and quadrilaterals of a mesh file, in the file's own numbers.
 
-    mesh = meshio.read(path)
+    Raises
+    ------
+    CaseError : the file cannot be read or holds no such cells
+    """
+    return _read_outline(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _read_outline(path: Path, modified: int) -> BaseGeometry:
+    import meshio  # slow to import, and few cases bring a mesh
+
+    try:
+        mesh = meshio.read(path)
+    except (Exception, SystemExit):  # meshio's readers raise many kinds, and leave the program for some files
+        raise CaseError(f"{path}: the mesh cannot be read; save it in a format that meshio knows.") from None
     plane = [block for block in mesh.cells if block.type in ("triangle", "quad")]
     corners = [cell for block in plane for cell in mesh.points[block.data][:, :, :2]]
+    if not corners:
+        raise CaseError(
+            f"{path}: the mesh has no triangles and quadrilaterals; mesh the plane body with them."
+        )
     return shapely.union_all([shapely.Polygon(cell) for cell in corners])
 
 

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from cases.errors import BrokenRuleError
 from cases.files import existing_file, read_curve
-from cases.table import Name, Table
+from cases.table import Name, Switch, Table
 from cases.units import Number
 
 TierName = Literal["quick", "standard", "paper"]
 TIERS: tuple[TierName, ...] = ("quick", "standard", "paper")
 Scalar = bool | int | float | str
+# Values of a sweep stand in the names of runs and these in the names of folders.
+_LABEL = re.compile(r"[A-Za-z0-9_.+-]+")
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,30 @@ class RunSpec:
     sweep_values: dict[str, Scalar] = field(default_factory=dict)
 
 
+def _sweep_value(value: Any) -> Any:
+    if not isinstance(value, bool | int | float | str) or value in (math.inf, -math.inf) or value != value:
+        raise BrokenRuleError("cannot be swept", "give finite numbers, texts, true or false", value=value)
+    if isinstance(value, str) and not _LABEL.fullmatch(value):
+        remedy = "use letters, digits and _ . + - only, since it becomes part of a folder's name"
+        raise BrokenRuleError("cannot be swept", remedy, value=value)
+    return value
+
+
+def _parameter(value: Any) -> Any:
+    numbers = value if isinstance(value, list | tuple) else [value]
+    for number in numbers:
+        plain = isinstance(number, bool | int | float) or isinstance(value, str)
+        if not plain or (isinstance(number, float) and not math.isfinite(number)):
+            raise BrokenRuleError(
+                "is no parameter", "give a finite number, a list of them, or a text", value=value
+            )
+    return value
+
+
+SweepValue = Annotated[Scalar, BeforeValidator(_sweep_value)]
+Parameter = Annotated[Scalar | tuple[float, ...], BeforeValidator(_parameter)]
+
+
 class Run(Table):
     """A run, or a sweep of runs.
 
@@ -51,7 +78,15 @@ class Run(Table):
 
     solver: Literal["fem", "mpm"]
     change: dict[str, Any] = Field(default_factory=dict)
-    sweep: dict[str, Annotated[tuple[Scalar, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    sweep: dict[str, Annotated[tuple[SweepValue, ...], Field(min_length=1)]] = Field(default_factory=dict)
+
+    @field_validator("sweep")
+    @classmethod
+    def _has_distinct_values(cls, sweep: dict[str, tuple[Scalar, ...]]) -> dict[str, tuple[Scalar, ...]]:
+        for key, values in sweep.items():
+            if len({_text(value) for value in values}) < len(values):
+                raise BrokenRuleError("repeats a value", "remove the repetition", f'"{key}"', list(values))
+        return sweep
 
     def members(self, family: str) -> list[RunSpec]:
         """All runs that this table stands for."""
@@ -143,9 +178,9 @@ class Check(Table):
     measure: Literal["relative", "absolute"] = "relative"
     limit: Annotated[Number, Field(ge=0)]
     tiers: Annotated[tuple[TierName, ...], Field(min_length=1)] = TIERS
-    gate: bool = True
+    gate: Switch = True
     reason: Annotated[str, Field(min_length=1)]
-    parameters: dict[str, Scalar | tuple[float, ...]] = Field(default_factory=dict)
+    parameters: dict[str, Parameter] = Field(default_factory=dict)
 
     @property
     def target(self) -> tuple[str, str]:

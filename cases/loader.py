@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from cases.errors import CaseError
-from cases.judging import TIERS, merge
+from cases.judging import TIERS, merge, nest
 from cases.messages import case_error, sentence
 from cases.schema import Case, CaseDescription
 from cases.table import Table, nearest, unknown_key_remedy
@@ -98,7 +98,12 @@ class _Builder:
         tables = merge(self.tables, change) if isinstance(change, dict) else self.tables
         if run is not None and base is not None:
             spec = base.run_spec(run)
-            origins.insert(0, (f"runs.{spec.family}.change", spec.change))
+            swept = [nest(key, value) for key, value in spec.sweep_values.items()]
+            origins = [
+                *((f"runs.{spec.family}.sweep", nested) for nested in swept),
+                (f"runs.{spec.family}.change", spec.change),
+                *origins,
+            ]
             tables = merge(tables, spec.change)
         place = {"name": self.name, "folder": self.source.parent, "source": self.source}
         try:
@@ -115,9 +120,10 @@ class _Builder:
 
     def _has_known_tables(self) -> None:
         known = list(CaseDescription.model_fields)
-        for key in self.tables:
+        for key, value in self.tables.items():
             if key not in known:
-                raise sentence(self.source, key, None, "is unknown", unknown_key_remedy(key, known))
+                shown = None if isinstance(value, dict) else value
+                raise sentence(self.source, key, shown, "is unknown", unknown_key_remedy(key, known))
 
     def _units(self) -> Units:
         if "units" not in self.tables:
@@ -131,8 +137,9 @@ class _Builder:
 
 def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    in_library = LIBRARY / path / CASE_FILE
-    for candidate in (in_library, path / CASE_FILE, path):
+    if str(path) in list_cases():
+        return LIBRARY / path / CASE_FILE
+    for candidate in (path / CASE_FILE, path):
         if candidate.is_file():
             return candidate.resolve()
     if path.suffix == ".toml" or len(path.parts) != 1:
@@ -145,10 +152,10 @@ def _find(name_or_path: str | Path) -> Path:
 def _read(source: Path) -> Tables:
     try:
         tables = tomllib.loads(source.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise sentence(source, "", None, f"not valid TOML: {error}", "correct this line") from None
     except UnicodeDecodeError as error:
         raise sentence(source, "", None, f"not UTF-8 text: byte {error.start}", "save it as UTF-8") from None
+    except ValueError as error:  # TOMLDecodeError, and Python's own for a number of thousands of digits
+        raise sentence(source, "", None, f"not valid TOML: {error}", "correct this line") from None
     except (OSError, RecursionError) as error:
         raise sentence(source, "", None, f"cannot be read: {error}", "correct the file") from None
     if not tables:

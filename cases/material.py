@@ -11,10 +11,10 @@ from cases.table import Table
 from cases.units import Density, Length, Number, Stress, Toughness
 
 _PAIRS = (
-    {"young", "poisson"},
-    {"lame_lambda", "shear_modulus"},
-    {"bulk_modulus", "shear_modulus"},
-    {"young", "shear_modulus"},
+    ("young", "poisson"),
+    ("lame_lambda", "shear_modulus"),
+    ("bulk_modulus", "shear_modulus"),
+    ("young", "shear_modulus"),
 )
 _CONSTANTS = ("young", "poisson", "lame_lambda", "shear_modulus", "bulk_modulus")
 
@@ -57,9 +57,9 @@ class Material(Table):
     @model_validator(mode="after")
     def _has_one_stable_pair(self) -> Material:
         given = {name for name in _CONSTANTS if getattr(self, name) is not None}
-        if given not in _PAIRS:
-            remedy = f"give exactly one pair: {', '.join(' + '.join(sorted(pair)) for pair in _PAIRS)}"
-            raise BrokenRuleError(f"has the elastic constants {', '.join(sorted(given)) or 'none'}", remedy)
+        if given not in map(set, _PAIRS):
+            remedy = f"give exactly one pair: {', '.join(map(' + '.join, _PAIRS))}"
+            raise BrokenRuleError(f"has the elastic constants {', '.join(sorted(given)) or '(none)'}", remedy)
         if not -1.0 < self.poisson_ratio < 0.5:
             key = next(name for name in ("lame_lambda", "bulk_modulus", "young") if name in given)
             text = f"with shear_modulus = {self.shear_modulus} gives Poisson's ratio {self.poisson_ratio:.6g}"

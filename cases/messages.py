@@ -37,6 +37,8 @@ _PHRASES: dict[str, tuple[str, str]] = {
     "too_long": ("has too many entries", "give at most {max_length}"),
 }
 _LONGEST_VALUE = 60
+# A default that depends on a field which is itself wrong.
+_UNAVAILABLE_DEFAULT = "default_factory_not_called"
 
 
 def case_error(file: Any, error: ValidationError, origins: list[tuple[str, dict[str, Any]]]) -> CaseError:
@@ -47,7 +49,7 @@ def case_error(file: Any, error: ValidationError, origins: list[tuple[str, dict[
     file : what to call the file
     origins : (prefix, tables) of changes that were merged; a key found in them is named with the prefix
     """
-    details = error.errors(include_url=False)
+    details = _causes(error.errors(include_url=False))
     first = min(details, key=lambda detail: "is unknown" not in detail["msg"])
     key, value, text, remedy = _parts(first)
     more = f" ({len(details) - 1} more to correct)" if len(details) > 1 else ""
@@ -57,8 +59,19 @@ def case_error(file: Any, error: ValidationError, origins: list[tuple[str, dict[
 def sentence(file: Any, key: str, value: Any, text: str, remedy: str) -> CaseError:
     """CaseError with the sentence "file: key = value text; remedy."."""
     shown = "" if value is None else f" = {_shown(value)}"
-    subject = f"'{key}'{shown} " if key else ""
+    subject = f"{key!r}{shown} " if key else ""
     return CaseError(f"{file}: {subject}{text}; {remedy}.")
+
+
+def _causes(details: list[Any]) -> list[Any]:
+    """Details less those that follow from others: a list whose entry is wrong, a missing default."""
+    places = [detail["loc"] for detail in details]
+
+    def follows(place: tuple[int | str, ...]) -> bool:
+        return any(other[: len(place)] == place and len(other) > len(place) for other in places)
+
+    first = [d for d in details if d["type"] != _UNAVAILABLE_DEFAULT and not follows(d["loc"])]
+    return first or details
 
 
 def _parts(detail: Any) -> tuple[str, Any, str, str]:
@@ -68,6 +81,8 @@ def _parts(detail: Any) -> tuple[str, Any, str, str]:
         full = ".".join(part for part in (key, cause.key) if part)
         return full, cause.value, cause.text, cause.remedy
     value = detail.get("input")
+    if detail["type"] == "union_tag_invalid":
+        key, value = f"{key}.kind", detail["ctx"]["tag"]
     if detail["type"] in ("missing", "model_type", "dict_type") or isinstance(value, dict):
         value = None
     text, remedy = _PHRASES.get(detail["type"], (detail["msg"].removeprefix("Input ").lower(), "correct it"))
@@ -101,5 +116,5 @@ def _original(key: str, origins: list[tuple[str, dict[str, Any]]]) -> str:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cases.errors import BrokenRuleError
 from cases.geometry import Box
-from cases.table import Name, Table
+from cases.table import Name, Switch, Table, Whole
 from cases.units import Length, Number, quantity
 
 # smallest increment = increment / SMALLEST_SHARE where the file gives none: six halvings.
@@ -34,7 +34,7 @@ class Constraint(Table):
     scale: Number | None = None
     value: Annotated[float, Field(json_schema_extra={"type": ["number", "string"]})] | None = None
     motion: Name | None = None
-    tied: bool = False
+    tied: Switch = False
 
     @field_validator("value", mode="before")
     @classmethod
@@ -46,8 +46,8 @@ class Constraint(Table):
         given = [key for key in ("scale", "value", "motion") if getattr(self, key) is not None]
         given += ["tied"] if self.tied else []
         if len(given) != 1:
-            has = " and ".join(given) or "none"
-            raise BrokenRuleError(f"has {has} of scale, value, motion, tied", "give exactly one of them")
+            text = f"prescribes {' and '.join(given) or 'nothing'}"
+            raise BrokenRuleError(text, "give exactly one of scale, value, motion, tied")
         self._direction_fits(given[0])
         return self
 
@@ -87,8 +87,8 @@ class Load(Table):
     smallest: Annotated[Length, Field(gt=0)] = Field(
         default_factory=lambda data: data.get("increment", 1.0) / SMALLEST_SHARE
     )
-    adaptive: bool = True
-    stop_when_broken: bool = True
+    adaptive: Switch = True
+    stop_when_broken: Switch = True
     broken_fraction: Annotated[Number, Field(gt=0, lt=1)] = 0.02
 
     @model_validator(mode="after")
@@ -153,12 +153,12 @@ class Mpm(Table):
 
     order: Literal[1, 2, 3] = 2
     placement: Literal["gauss", "regular", "random"] = "gauss"
-    points_per_cell: Annotated[int, Field(ge=1, le=16)] = 2
-    seed: Annotated[int, Field(ge=0)] = 0
+    points_per_cell: Annotated[Whole, Field(ge=1, le=16)] = 2
+    seed: Annotated[Whole, Field(ge=0)] = 0
     constraints_on: Literal["points", "nodes"] = "points"
     penalty: Annotated[Number, Field(gt=0)] = 1e4
-    move_points: bool = True
-    margin: Annotated[int, Field(ge=0)] = 5
+    move_points: Switch = True
+    margin: Annotated[Whole, Field(ge=0)] = 5
     linear_solver: Literal["direct", "gmres"] = "direct"
 
 
@@ -175,7 +175,7 @@ class Staggered(Table):
     scheme: Literal["converged", "one_pass"] = "converged"
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
-    largest_iterations: Annotated[int, Field(ge=1)] = 2000
+    largest_iterations: Annotated[Whole, Field(ge=1)] = 2000
 
 
 class Output(Table):

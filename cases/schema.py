@@ -32,6 +32,8 @@ KEPT_BY_RUNS = ("title", "section", "requirement", "units", "runs", "tiers", "re
 # Keys that say nothing about what is computed.
 _PROSE_AND_JUDGING = {"title", "section", "requirement", "runs", "tiers", "references", "checks"}
 _NOT_HASHED = _PROSE_AND_JUDGING | {"name", "tier", "run", "folder", "source"}
+# Cells of spacing h in one direction; more is a slip of the pen.
+MOST_CELLS = 100_000
 # Bodies overlap when they share more than this part of the smaller one.
 _OVERLAP = 1e-6
 
@@ -126,7 +128,7 @@ class CaseDescription(Table):
     @field_validator("runs")
     @classmethod
     def _change_known_tables(cls, runs: dict[str, Run]) -> dict[str, Run]:
-        changeable = tuple(key for key in cls.model_fields if key not in KEPT_BY_RUNS)
+        changeable = tuple(key for key in CaseDescription.model_fields if key not in KEPT_BY_RUNS)
         for name, run in runs.items():
             _only_known(run.change, changeable, f"{name}.change", "may not be changed by a run")
             tables = {key.partition(".")[0]: None for key in run.sweep}
@@ -139,7 +141,7 @@ class CaseDescription(Table):
         self._length_scales_are_resolved()
         self._bodies_are_apart()
         self._notches_are_in_bodies()
-        self._fine_box_meets_the_bodies()
+        self._spacing_fits_the_bodies()
         self._checks_have_targets()
         return self
 
@@ -193,8 +195,13 @@ class CaseDescription(Table):
     def _names_are_defined(self) -> None:
         for name, body in self.bodies.items():
             _defined(body.material, list(self.materials), f"bodies.{name}.material", "material")
+        prescribed = set()
         for number, constraint in enumerate(self.constraints):
             _defined(constraint.on, list(self.boundaries), f"constraints[{number}].on", "boundary")
+            if (constraint.on, constraint.direction) in prescribed:
+                text = f"prescribes direction {constraint.direction} of '{constraint.on}' again"
+                raise BrokenRuleError(text, "remove one of the two", f"constraints[{number}]")
+            prescribed.add((constraint.on, constraint.direction))
 
     def _length_scales_are_resolved(self) -> None:
         for name, material in self.materials.items():
@@ -223,13 +230,18 @@ class CaseDescription(Table):
                         "lies outside the bodies", "move it into or onto one", key, list(point)
                     )
 
-    def _fine_box_meets_the_bodies(self) -> None:
-        if self.mesh.fine is None or any(body.mesh for body in self.bodies.values()):
+    def _spacing_fits_the_bodies(self) -> None:
+        if any(body.mesh for body in self.bodies.values()):
             return
         lower, upper = self.bounding_box()
-        if np.any(np.maximum(lower, self.mesh.fine.lower) >= np.minimum(upper, self.mesh.fine.upper)):
+        if self.mesh.fine is not None:
             remedy = f"place it inside {lower.tolist()} to {upper.tolist()}"
-            raise BrokenRuleError("lies outside the bodies", remedy, "mesh.fine")
+            lower, upper = np.maximum(lower, self.mesh.fine.lower), np.minimum(upper, self.mesh.fine.upper)
+            if np.any(lower >= upper):
+                raise BrokenRuleError("lies outside the bodies", remedy, "mesh.fine")
+        if np.max(upper - lower) > MOST_CELLS * self.mesh.h:
+            text = f"asks for more than {MOST_CELLS} cells in one direction"
+            raise BrokenRuleError(text, "give a larger spacing or a smaller fine box", "mesh.h", self.mesh.h)
 
     def _checks_have_targets(self) -> None:
         runs = list(dict.fromkeys([*self.runs, *self.expanded_runs()]))
@@ -243,11 +255,11 @@ class CaseDescription(Table):
             if kind == "exact" and self.exact is None and not any(c.motion for c in self.constraints):
                 key = f"checks[{number}].against"
                 raise BrokenRuleError(
-                    "has no exact solution to compare with", "add the key 'exact'", key, name
+                    "has no exact solution to compare with", "add the key 'exact'", key, check.against
                 )
 
     def _reference_has_the_metric(self, name: str, metric: str, key: str) -> None:
-        _defined(name, list(self.references), key, "reference")
+        _defined(name, list(self.references), key, "reference", f"reference:{name}")
         reference = self.references[name]
         if metric not in reference.values and reference.curve is None:
             remedy = f"add {metric} to references.{name}.values, or a curve"
@@ -291,10 +303,10 @@ def _only_known(tables: dict[str, Any], known: tuple[str, ...], prefix: str, tex
             raise BrokenRuleError(text, nearest(key, list(known), "change another table"), f"{prefix}.{key}")
 
 
-def _defined(name: str, known: list[str], key: str, what: str) -> None:
+def _defined(name: str, known: list[str], key: str, what: str, value: str | None = None) -> None:
     if name not in known:
         remedy = nearest(name, known, f"define the {what}")
-        raise BrokenRuleError(f"is not a {what} of this case", remedy, key, name)
+        raise BrokenRuleError(f"is not a {what} of this case", remedy, key, value or name)
 
 
 __all__ = ["TIERS", "Case", "CaseDescription"]

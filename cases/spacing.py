@@ -98,8 +98,8 @@ def _cells(number: float) -> int:
 def _grading(case: Case) -> tuple[Callable[[float], float], Callable[[float], float]]:
     """Cells passed up to a distance d from the fine box, and the distance at a number of cells passed.
 
-    With the spacing s(d) = min(h + d ln(growth), coarse), successive cells, over each of which the integral of
-    1/s is one, have spacings in the ratio `growth` until `coarse` is reached.
+    With the spacing s(d) = min(h + d ln(growth), coarse), successive cells, over each of which the integral
+    of 1/s is one, have spacings in the ratio `growth` until `coarse` is reached.
     """
     h, rate = case.mesh.h, math.log(case.mesh.growth)
     coarse = case.mesh.coarse or math.inf

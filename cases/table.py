@@ -5,9 +5,13 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, StringConstraints, model_validator
+from pydantic import BaseModel, ConfigDict, Strict, StringConstraints, model_validator
 
 from cases.errors import BrokenRuleError
+
+# Without the conversions that pydantic allows by default: "3" is no number, "yes" is not true.
+Whole = Annotated[int, Strict()]
+Switch = Annotated[bool, Strict()]
 
 # Names become parts of keys and of folder names.
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
@@ -24,11 +28,11 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _has_known_keys_only(cls, data: Any) -> Any:
-        for key in data if isinstance(data, dict) else ():
+        for key, value in data.items() if isinstance(data, dict) else ():
             if key not in cls.model_fields:
-                raise BrokenRuleError(
-                    "is unknown", unknown_key_remedy(key, list(cls.model_fields)), key=str(key)
-                )
+                remedy = unknown_key_remedy(key, list(cls.model_fields))
+                shown = None if isinstance(value, dict) else value
+                raise BrokenRuleError("is unknown", remedy, str(key), shown)
         return data
 
 
