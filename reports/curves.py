@@ -1,0 +1,317 @@
+"""Figures of curves: load-displacement, relative error, energies, convergence."""
+
+from __future__ import annotations
+
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from cases import CaseError, load_case
+from verify.curves import Curve, CurveError, peak_index
+
+from . import style
+from .results import READING_ERRORS
+from .words import listed, number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from .results import CaseResults, RunResults
+
+LARGEST_ENERGY_PANELS = 6
+
+
+def run_label(run: RunResults) -> str:
+    """Return a run's name with its method: ``mpm_gmres (PF-MPM)``; the method alone where the name adds nothing."""
+    method = style.NAME_OF_SOLVER.get(run.solver, run.solver)
+    return method if run.name == run.solver else f"{run.name} ({method})"
+
+
+def published_curves(results: CaseResults) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the name and the points (columns u, F) of each reference that brings a curve."""
+    if results.case is None:
+        return
+    for name, reference in results.case.references.items():
+        if reference.curve:
+            yield name, pd.DataFrame(results.case.reference_curve(name), columns=["u", "F"])
+
+
+def peak_row(history: pd.DataFrame) -> pd.Series:
+    """Return the increment at the peak, the one that the checks speak of."""
+    try:
+        return history.iloc[peak_index(Curve.from_history(history))]
+    except CurveError:  # too short or not a number: still worth a picture
+        return history.loc[history["F"].abs().fillna(0.0).idxmax()]
+
+
+def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw F over u of all runs over the published points, peaks marked."""
+    runs = results.shown_runs()
+    if not runs:
+        return None
+    force, displacement = results.unit("force"), results.unit("displacement")
+    figure = Figure(figsize=(7.2, 4.2))
+    axes = style.curve_axes(figure, f"displacement u [{displacement}]", f"reaction force F [{force}]")
+    published = list(published_curves(results))
+    _draw_published(axes, published)
+    colours = style.colours_of([run.name for run in runs])
+    for run in runs:
+        _draw_history(axes, run, colours[run.name], force, displacement)
+    axes.axhline(0.0, color=style.GREY, linewidth=0.6)
+    axes.legend(loc="best" if len(runs) + len(published) <= 6 else "outside right upper")
+    tables = [run.history[["u", "F"]].assign(run=run.name) for run in runs]
+    tables += [points[["u", "F"]].assign(run=f"published: {name}") for name, points in published]
+    return style.Drawing(
+        "load-displacement",
+        "Load and displacement",
+        f"Reaction force over displacement of {listed(run_label(run) for run in runs)}; "
+        "a ring marks the peak of each run. " + _published_caption(results, published),
+        style.save(figure, folder, "load-displacement"),
+        style.save_data(pd.concat(tables)[["run", "u", "F"]], folder, "load-displacement"),
+    )
+
+
+def _published_caption(results: CaseResults, published: list[tuple[str, pd.DataFrame]]) -> str:
+    if not published or results.case is None:
+        return "No published curve belongs to this case."
+    sources = (f"{name}: {results.case.references[name].source}" for name, _ in published)
+    return f"Black markers are published points ({'; '.join(sources)})."
+
+
+def _draw_published(axes: Any, published: list[tuple[str, pd.DataFrame]]) -> None:
+    for (name, points), marker in zip(published, cycle(style.PUBLISHED_MARKERS), strict=False):
+        every = max(len(points) // 40, 1)  # a digitised curve of hundreds of points would hide the runs
+        axes.plot(
+            points["u"][::every], points["F"][::every], linestyle="none", marker=marker, markersize=3.6,
+            color="black", markerfacecolor="white", markeredgewidth=0.8, zorder=2.5, label=f"published: {name}",
+        )  # fmt: skip
+
+
+def _draw_history(axes: Any, run: RunResults, colour: str, force: str, displacement: str) -> None:
+    history, peak = run.history, peak_row(run.history)
+    said = f"{run_label(run)}, peak {number(peak['F'])} {force} at {number(peak['u'])} {displacement}"
+    line = style.LINE_OF_SOLVER.get(run.solver, "-.")
+    axes.plot(history["u"], history["F"], line, color=colour, label=said, zorder=3)
+    axes.plot(
+        peak["u"], peak["F"], "o", markersize=7, markerfacecolor="none", color=colour, markeredgewidth=1.2, zorder=4
+    )
+
+
+def relative_errors(results: CaseResults, folder: Path) -> list[style.Drawing]:
+    """Draw Eq. 4.19 over displacement, one figure for each reference (a run or a published curve)."""
+    compared: dict[str, list[dict[str, Any]]] = {}
+    for curve in results.entry.get("curves") or []:
+        if curve.get("file") and (results.out / curve["file"]).is_file():
+            compared.setdefault(_names(curve)[1], []).append(curve)
+    return [_relative_error(results, reference, curves, folder) for reference, curves in compared.items()]
+
+
+def _names(curve: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the names of the compared run and of its reference."""
+    run, _, reference = str(curve["against"]).partition(" vs ")
+    return str(curve.get("run") or run), str(curve.get("reference") or reference)
+
+
+def _relative_error(
+    results: CaseResults, reference: str, curves: list[dict[str, Any]], folder: Path
+) -> style.Drawing:
+    figure = Figure(figsize=(7.2, 3.2))
+    unit = results.unit("displacement")
+    axes = style.curve_axes(figure, f"displacement u [{unit}]", "relative error, Eq. 4.19 [%]")
+    colours = style.colours_of([run.name for run in results.shown_runs()])
+    tables = [pd.read_csv(results.out / curve["file"]).assign(run=_names(curve)[0]) for curve in curves]
+    for curve, table in zip(curves, tables, strict=True):
+        run = results.runs.get(_names(curve)[0])
+        line = style.LINE_OF_SOLVER.get(run.solver if run else "", "-")
+        colour = colours.get(_names(curve)[0], style.INK)
+        axes.plot(table["u"], table["relative_error_percent"], line, color=colour, label=_names(curve)[0])
+    peak_u = float(tables[0]["u"][tables[0]["F_reference"].abs().idxmax()])
+    axes.axhline(0.0, color=style.GREY, linewidth=0.8)
+    axes.axvline(peak_u, color=style.GREY, linewidth=0.9, linestyle=":", label=f"peak of {reference}")
+    together = pd.concat(tables, ignore_index=True)
+    scaled = _calm_error_axis(axes, together, peak_u)
+    axes.legend(loc="upper left")
+    name = f"relative-error-{style.slug(reference)}"
+    caption = (
+        f"Relative error of the force against {reference}, Eq. 4.19. Its L2 norm: "
+        f"{'; '.join(_norms_in_words(curve) for curve in curves)}.{scaled}"
+    )
+    return style.Drawing(
+        name, f"Relative error against {reference}", caption,
+        style.save(figure, folder, name), style.save_data(together, folder, name),
+    )  # fmt: skip
+
+
+def _norms_in_words(curve: Mapping[str, Any]) -> str:
+    parts = (("before_peak", "up to the peak"), ("after_peak", "after it"), ("whole", "whole curve"))
+    said = (
+        f"{number(curve[f'l2_percent_{key}'], 3)} % {words}"
+        for key, words in parts
+        if curve.get(f"l2_percent_{key}") is not None
+    )
+    return f"{_names(curve)[0]} {', '.join(said)}"
+
+
+def _calm_error_axis(axes: Any, table: pd.DataFrame, peak_u: float) -> str:
+    """Keep the errors before the peak readable where those after it are far larger; say so."""
+    error = table["relative_error_percent"].abs()
+    before = error[(table["u"].abs() > 0.05 * abs(peak_u)) & (table["u"].abs() <= 0.9 * abs(peak_u))].max()
+    if not before > 0 or not error.max() > 20 * before:
+        return ""
+    linear = 2 * style.nice_number(before)
+    axes.set_yscale("symlog", linthresh=linear)
+    axes.axhspan(-linear, linear, color=style.PALE, zorder=0)
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    return f" The axis is linear within ±{number(linear)} % (shaded) and logarithmic beyond."
+
+
+def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw elastic, fracture, kinetic energy, their sum and the external work of each run."""
+    runs = results.shown_runs()
+    shown = results.main_runs(LARGEST_ENERGY_PANELS) if len(runs) > LARGEST_ENERGY_PANELS else runs
+    if not shown:
+        return None
+    columns = min(len(shown), 3)
+    rows = -(-len(shown) // columns)
+    figure, grid = style.panels(rows, columns, 7.2 if columns > 1 else 4.8, 2.9 * rows, sharey=True, sharex=True)
+    for axes in grid.flat[len(shown) :]:
+        axes.set_visible(False)
+    for axes, run in zip(grid.flat, shown, strict=False):
+        _draw_energies(axes, run)
+        axes.set_title(run_label(run))
+        axes.set_xlabel(f"displacement u [{results.unit('displacement')}]")
+    for axes in grid[:, 0]:
+        axes.set_ylabel(f"energy [{results.unit('energy')}]")
+    handles, labels = grid.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    left_out = f" {len(runs) - len(shown)} further runs are in the CSV." if len(shown) < len(runs) else ""
+    return style.Drawing(
+        "energies",
+        "Energies",
+        f"Energies over displacement. {_balance_caption(shown)}{left_out}",
+        style.save(figure, folder, "energies"),
+        style.save_data(pd.concat([_energy_table(run) for run in runs]), folder, "energies"),
+    )
+
+
+def _energy_table(run: RunResults) -> pd.DataFrame:
+    columns = [c for c in ("u", "E_el", "E_frac", "E_kin", "W_ext") if c in run.history]
+    return run.history[columns].assign(run=run.name)[["run", *columns]]
+
+
+def _energy_sum(history: pd.DataFrame) -> pd.Series:
+    kinetic = history["E_kin"].fillna(0.0) if "E_kin" in history else 0.0
+    return history["E_el"] + history["E_frac"] + kinetic
+
+
+def _draw_energies(axes: Any, run: RunResults) -> None:
+    history, line = run.history, style.LINE_OF_SOLVER.get(run.solver, "-.")
+    axes.grid(True)
+    axes.set_axisbelow(True)
+    axes.plot(history["u"], history["W_ext"], color=style.GREY, linewidth=3.4, alpha=0.55, label="external work")
+    axes.plot(history["u"], _energy_sum(history), "-", color="black", linewidth=0.9, label="sum of energies")
+    axes.plot(history["u"], history["E_el"], line, color=style.OKABE_ITO[0], label="elastic")
+    axes.plot(history["u"], history["E_frac"], line, color=style.OKABE_ITO[1], label="fracture")
+    if "E_kin" in history and history["E_kin"].abs().max() > 0:
+        axes.plot(history["u"], history["E_kin"], line, color=style.OKABE_ITO[2], label="kinetic")
+
+
+def _balance_caption(runs: list[RunResults]) -> str:
+    parts = []
+    for run in runs:
+        work = run.history["W_ext"]
+        if work.abs().max() > 0:
+            gap = (_energy_sum(run.history) - work).abs().max() / work.abs().max()
+            parts.append(f"{100 * gap:.2g} % ({run.name})")
+    return f"Largest gap between the sum and the external work, over the largest work: {listed(parts)}." if parts else ""
+
+
+def sweep_table(results: CaseResults) -> pd.DataFrame:
+    """Return the errors of all sweeps over the spacing h.
+
+    Columns base, solver, h, measure, error, theory; empty when no run of a sweep over h has an ``l2_error``.
+    """
+    rows = []
+    specs = results.case.run_specs() if results.case else {}
+    for run in results.runs.values():
+        spec = specs.get(run.name)
+        if spec is None or "mesh.h" not in spec.sweep_values:
+            continue
+        others = [f"{key}={value}" for key, value in spec.sweep_values.items() if key != "mesh.h"]
+        family = ", ".join([spec.family, *others])
+        for measure, error in (run.entry.get("measures") or {}).items():
+            if measure.startswith("l2_error") and error is not None and error > 0:
+                h = float(spec.sweep_values["mesh.h"])
+                rows.append((family, run.solver, h, measure, error, _theory(results, run)))
+    table = pd.DataFrame(rows, columns=["base", "solver", "h", "measure", "error", "theory"])
+    return table.sort_values(["measure", "base", "h"], ignore_index=True)
+
+
+def _theory(results: CaseResults, run: RunResults) -> float:
+    """Return the L2 order of a smooth solution: 2 for linear elements, p + 1 for splines of order p."""
+    if run.solver == "fem":
+        return 2.0
+    try:
+        case = load_case(results.source, tier=results.tier or None, run=run.name)
+        return float(case.mpm.order) + 1.0
+    except (CaseError, *READING_ERRORS):
+        return float("nan")
+
+
+def convergence(results: CaseResults, folder: Path) -> list[style.Drawing]:
+    """Draw error over h in logarithmic axes with fitted slopes, one figure per measure."""
+    table = sweep_table(results)
+    return [_convergence(measure, part, results, folder) for measure, part in table.groupby("measure")]
+
+
+def _convergence(measure: str, table: pd.DataFrame, results: CaseResults, folder: Path) -> style.Drawing:
+    figure = Figure(figsize=(5.6, 4.4))
+    axes = style.curve_axes(figure, f"spacing h [{results.unit('length')}]", measure.replace("_", " ").replace("l2", "L2"))
+    axes.set(xscale="log", yscale="log")
+    colours = style.colours_of(list(table["base"].unique()))
+    said = []
+    for base, part in table.groupby("base", sort=False):
+        slope = _draw_sweep(axes, str(base), part, colours[base])
+        expected = f" (theory {part['theory'].iloc[0]:g})" if np.isfinite(part["theory"].iloc[0]) else ""
+        said.append(f"{base}: {number(slope, 3)}{expected}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    ticks = np.sort(table["h"].unique())
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.legend(loc="best")
+    name = f"convergence-{style.slug(measure)}"
+    return style.Drawing(
+        name,
+        f"Convergence: {measure.replace('_', ' ').replace('l2', 'L2')}",
+        f"Error over spacing; slopes fitted by least squares to all levels: {'; '.join(said)}. "
+        "Grey triangles show the slope that theory predicts.",
+        style.save(figure, folder, name),
+        style.save_data(table, folder, name),
+    )
+
+
+def _draw_sweep(axes: Any, base: str, part: pd.DataFrame, colour: str) -> float:
+    h, error = part["h"].to_numpy(float), part["error"].to_numpy(float)
+    slope = float(np.polyfit(np.log(h), np.log(error), 1)[0]) if len(h) > 1 else float("nan")
+    line = style.LINE_OF_SOLVER.get(str(part["solver"].iloc[0]), "-.")
+    axes.plot(h, error, line, marker="o", markersize=4, color=colour, label=f"{base}: slope {number(slope, 3)}")
+    theory = float(part["theory"].iloc[0])
+    if len(h) > 1 and np.isfinite(theory):
+        _draw_slope_triangle(axes, h, error, theory)
+    return slope
+
+
+def _draw_slope_triangle(axes: Any, h: np.ndarray, error: np.ndarray, order: float) -> None:
+    """Draw a triangle of slope ``order`` under the two finest levels."""
+    left, right = np.sort(h)[:2]
+    base = 0.55 * error[np.argmin(h)]
+    top = base * (right / left) ** order
+    axes.plot([left, right, right, left], [base, base, top, base], color=style.GREY, linewidth=0.8)
+    axes.annotate(
+        f"{order:g}", (right, np.sqrt(base * top)), xytext=(3, 0), textcoords="offset points",
+        va="center", color="#5c6168", fontsize=8,
+    )  # fmt: skip

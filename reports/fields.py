@@ -1,0 +1,402 @@
+"""Figures of fields: phase field, hydrostatic stress, distorted mesh and points, crack paths."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from . import style
+from .curves import run_label
+from .outlines import draw_outlines, fit_axes
+from .words import listed, number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from .results import CaseResults, GridState, PointState, RunResults
+
+LARGEST_SNAPSHOTS = 4
+LARGEST_ROWS = 4
+WIDEN = 1.17  # of a point's square: the largest gap between Gauss points is 1.16 times their mean distance
+PIXELS = 700  # along the longer side of a field that is drawn as an image
+ELEMENT, BROKEN_ELEMENT = ("#dfe9f2", style.OKABE_ITO[0]), ("#f6cfae", style.OKABE_ITO[1])  # face, edge
+SHARE_OF_BODY_TO_MOVE = 0.06  # displacements are drawn this large, relative to the body
+
+
+# ---------------------------------------------------------------- painting
+
+
+def paint_points(
+    axes: Axes, places: np.ndarray, volume: np.ndarray, values: np.ndarray, **colours: Any
+) -> Any:  # fmt: skip
+    """Paint each point as a square about its own area, and return what a colour bar needs.
+
+    places : (n, 2) [length]; volume : (n,) area of each point [length²]; values : (n,).
+    Clouds above ``RASTER_ABOVE`` points become one image, small ones stay vector squares.
+    """
+    side = WIDEN * np.sqrt(np.maximum(volume, 0.0))
+    if len(places) > style.RASTER_ABOVE:
+        image, extent = point_image(places, side, values)
+        return axes.imshow(image, extent=extent, origin="lower", interpolation="nearest", **colours)
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    squares = places[:, None, :] + side[:, None, None] * corners
+    return axes.add_collection(PolyCollection(squares, array=values, edgecolors="none", linewidths=0, **colours))
+
+
+def point_image(
+    places: np.ndarray, side: np.ndarray, values: np.ndarray
+) -> tuple[np.ma.MaskedArray, tuple[float, float, float, float]]:
+    """Return points as an image (rows, columns), masked where there is none, and its extent.
+
+    Each pixel takes the mean of the points whose squares cover it.
+    """
+    lower = (places - side[:, None] / 2).min(axis=0)
+    upper = (places + side[:, None] / 2).max(axis=0)
+    pixel = (upper - lower).max() / PIXELS
+    columns, rows = np.maximum(np.ceil((upper - lower) / pixel).astype(int), 1)
+    total, count = np.zeros((rows, columns)), np.zeros((rows, columns))
+    first = np.floor((places - side[:, None] / 2 - lower) / pixel + 0.5).astype(int)
+    width = np.maximum(np.floor((places + side[:, None] / 2 - lower) / pixel + 0.5).astype(int) - first, 1)
+    for right in range(int(width[:, 0].max())):
+        for up in range(int(width[:, 1].max())):
+            covers = (width[:, 0] > right) & (width[:, 1] > up)
+            x = np.clip(first[covers, 0] + right, 0, columns - 1)
+            y = np.clip(first[covers, 1] + up, 0, rows - 1)
+            cell = y * columns + x
+            total += np.bincount(cell, values[covers], rows * columns).reshape(rows, columns)
+            count += np.bincount(cell, minlength=rows * columns).reshape(rows, columns)
+    image = np.ma.masked_array(total / np.maximum(count, 1), mask=count == 0)
+    end = lower + pixel * np.array([columns, rows])
+    return image, (lower[0], end[0], lower[1], end[1])
+
+
+def paint_mesh(axes: Axes, grid: GridState, **colours: Any) -> Any:
+    """Paint the nodal phase field of a mesh, interpolated in each cell."""
+    return axes.tripcolor(
+        grid.points[:, 0], grid.points[:, 1], grid.triangles(), grid.phase_field,
+        shading="gouraud", rasterized=True, **colours,
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------- panels over snapshots
+
+
+def shown_displacements(results: CaseResults) -> list[float]:
+    """Return the displacements to show: the case's snapshots, else the stored states of its runs."""
+    wanted = list(results.case.output.snapshots) if results.case else []
+    stored = [u for run in results.main_runs() for u in run.stored]
+    wanted = wanted or sorted({float(f"{u:.4g}") for u in stored})
+    chosen = [u for u in wanted if any(run.nearest_stored(u) is not None for run in results.main_runs())]
+    if len(chosen) > LARGEST_SNAPSHOTS:
+        chosen = [chosen[i] for i in np.linspace(0, len(chosen) - 1, LARGEST_SNAPSHOTS).round().astype(int)]
+    return chosen
+
+
+def _broke(runs: Sequence[RunResults]) -> bool:
+    return any(run.history["c_min"].min() < 0.999 for run in runs)
+
+
+def _panel_grid(results: CaseResults, rows: int, columns: int) -> tuple[Figure, np.ndarray]:
+    lower, upper = extent_of(results)
+    aspect = float(np.clip((upper - lower)[1] / (upper - lower)[0], 0.15, 2.5))
+    width = min(8.4, 3.1 * columns + 0.9)
+    height = rows * (0.84 * (width - 0.9) / columns * aspect + 0.42) + 0.3
+    return style.panels(rows, columns, width, height, sharex=True, sharey=True)
+
+
+def extent_of(results: CaseResults) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners of the bounding box of all bodies, from the case or else from a grid."""
+    if results.case:
+        lower, upper = results.case.bounding_box()
+        return np.asarray(lower, float), np.asarray(upper, float)
+    run = next(run for run in results.main_runs() if run.stored.size)
+    reference = run.points(float(run.stored[0])).reference
+    return reference.min(axis=0), reference.max(axis=0)
+
+
+def _snapshot_panels(
+    results: CaseResults, draw: Callable[[Axes, RunResults, float], Any], colour_label: str
+) -> tuple[Figure, list[RunResults], list[float]] | None:
+    """Draw one row for each run and one column for each displacement, with one colour bar."""
+    wanted = shown_displacements(results)
+    runs = [run for run in results.main_runs(LARGEST_ROWS) if run.stored.size]
+    if not wanted or not runs or not _broke(runs):
+        return None
+    figure, grid = _panel_grid(results, len(runs), len(wanted))
+    painted = None
+    for row, run in zip(grid, runs, strict=True):
+        for axes, u in zip(row, wanted, strict=True):
+            painted = _draw_panel(axes, results, run, u, draw) or painted
+    _label_outer(grid, results)
+    if painted is not None:
+        bar = figure.colorbar(painted, ax=grid, shrink=0.85, aspect=30, pad=0.015, label=colour_label)
+        bar.outline.set_linewidth(0.5)
+    return figure, runs, wanted
+
+
+def _draw_panel(
+    axes: Axes, results: CaseResults, run: RunResults, u: float, draw: Callable[[Axes, RunResults, float], Any]
+) -> Any:
+    stored = run.nearest_stored(u)
+    axes.set_aspect("equal")
+    fit_axes(axes, *extent_of(results))
+    if stored is None:
+        axes.text(0.5, 0.5, f"no state stored\nnear u = {number(u)}", transform=axes.transAxes, ha="center", va="center")
+        axes.set_title(run_label(run))
+        return None
+    painted = draw(axes, run, stored)
+    axes.set_aspect("equal")
+    fit_axes(axes, *extent_of(results))
+    draw_outlines(axes, results.case)
+    axes.set_title(f"{run_label(run)}, u = {number(stored)} {results.unit('displacement')}")
+    return painted
+
+
+def _label_outer(grid: np.ndarray, results: CaseResults) -> None:
+    for axes in grid[-1]:
+        axes.set_xlabel(f"x [{results.unit('length')}]")
+    for axes in grid[:, 0]:
+        axes.set_ylabel(f"y [{results.unit('length')}]")
+
+
+def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the phase field of the runs at the case's snapshot displacements in one colour scale."""
+    colours = {"cmap": style.PHASE_FIELD_COLOURS, "clim": (0.0, 1.0)}
+
+    def draw(axes: Axes, run: RunResults, u: float) -> Any:
+        if run.solver == "fem":
+            return paint_mesh(axes, run.grid(u), **colours)
+        points = run.points(u)
+        return paint_points(axes, points.reference, points.volume, points.phase_field, **colours)
+
+    drawn = _snapshot_panels(results, draw, "phase field c (0 broken, 1 intact)")
+    if drawn is None:
+        return None
+    figure, runs, _ = drawn
+    caption = (
+        f"Phase field of {listed(run_label(run) for run in runs)} in reference coordinates, one colour scale. "
+        "FEM: nodal values; MPM: each material point as a square about its own area."
+    )
+    return style.Drawing("phase-field", "Phase field", caption, style.save(figure, folder, "phase-field"))
+
+
+def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the in-plane mean stress (s_xx + s_yy)/2 at the integration points, broken points removed."""
+    runs = [run for run in results.main_runs(LARGEST_ROWS) if run.stored.size]
+    limit = _stress_limit(runs, shown_displacements(results))
+    if limit is None:
+        return None
+
+    def draw(axes: Axes, run: RunResults, u: float) -> Any:
+        points = run.points(u)
+        kept = points.phase_field >= style.BROKEN_BELOW
+        places = points.reference + points.displacement
+        return paint_points(
+            axes, places[kept], points.volume[kept], points.hydrostatic_stress[kept],
+            cmap=style.SIGNED_COLOURS, clim=(-limit, limit),
+        )  # fmt: skip
+
+    drawn = _snapshot_panels(results, draw, f"(σxx + σyy)/2 [{results.unit('stress')}]")
+    if drawn is None:
+        return None
+    caption = (
+        f"In-plane mean stress at the integration points (Fig. 4.9 of the thesis); points with "
+        f"c < {style.BROKEN_BELOW:g} are removed, displacements are not magnified. Colours are cut at the 99th "
+        f"percentile, ±{number(limit, 3)} {results.unit('stress')}."
+    )
+    name = "hydrostatic-stress"
+    return style.Drawing(name, "Hydrostatic stress", caption, style.save(drawn[0], folder, name))
+
+
+def _stress_limit(runs: Sequence[RunResults], wanted: Sequence[float]) -> float | None:
+    largest = []
+    for run in runs:
+        for u in filter(None, map(run.nearest_stored, wanted)):
+            points = run.points(u)
+            kept = np.abs(points.hydrostatic_stress[points.phase_field >= style.BROKEN_BELOW])
+            if kept.size:
+                largest.append(float(np.percentile(kept, 99)))
+    return max(largest, default=0.0) or None
+
+
+# ---------------------------------------------------------------- distorted mesh beside points
+
+
+def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the deformed FEM mesh beside the MPM's points: whole body above, the crack close up below."""
+    pair = [next((r for r in results.main_runs() if r.solver == s and r.stored.size), None) for s in ("fem", "mpm")]
+    fem, mpm = pair
+    if fem is None or mpm is None or not _broke([fem, mpm]):
+        return None
+    u_fem, u_mpm = _largest_common(results, fem, mpm)
+    grid, points = fem.grid(u_fem), mpm.points(u_mpm)
+    factor = _magnification(extent_of(results), grid.displacement)
+    window = _window(results, grid, factor)
+    figure, axes = style.panels(2, 2, 8.2, 7.8)
+    for row, part in enumerate((None, window)):
+        _draw_deformed_mesh(axes[row, 0], grid, factor, part)
+        _draw_moved_points(axes[row, 1], points, factor, part)
+    _frame_distortion(axes, results, window)
+    _title_distortion(axes, results, u_fem, u_mpm)
+    figure.legend(handles=_distortion_key(), loc="outside lower center", ncols=3)
+    caption = (
+        f"Deformed FEM mesh (left) beside the material points (right), displacements magnified {number(factor)} times; "
+        f"the frame above is shown enlarged below. Elements with a corner below "
+        f"c = {style.BROKEN_BELOW:g} are coloured, material points below it are removed "
+        "(Figs. 4.8 and 4.9 of the thesis)."
+    )
+    return style.Drawing(
+        "distortion", "Distorted mesh and material points", caption, style.save(figure, folder, "distortion")
+    )
+
+
+def _largest_common(results: CaseResults, fem: RunResults, mpm: RunResults) -> tuple[float, float]:
+    """Return the stored displacements of both runs at the last displacement that both have."""
+    for u in reversed(shown_displacements(results)):
+        found = fem.nearest_stored(u), mpm.nearest_stored(u)
+        if found[0] is not None and found[1] is not None:
+            return found[0], found[1]
+    return float(fem.stored[-1]), float(mpm.stored[-1])
+
+
+def _magnification(extent: tuple[np.ndarray, np.ndarray], displacement: np.ndarray) -> float:
+    largest = float(np.abs(displacement).max())
+    size = float((extent[1] - extent[0]).max())
+    return max(style.nice_number(SHARE_OF_BODY_TO_MOVE * size / largest), 1.0) if largest > 0 else 1.0
+
+
+def _window(results: CaseResults, grid: GridState, factor: float) -> np.ndarray:
+    """Return the corners (2, 2) of a close-up of the deformed crack about twenty elements wide."""
+    least = grid.least_phase_field()
+    broken = np.flatnonzero(least < style.BROKEN_BELOW)
+    cell = grid.cells[broken[len(broken) // 2] if broken.size else int(least.argmin())]
+    centre = (grid.points + factor * grid.displacement)[cell].mean(axis=0)
+    lower, upper = extent_of(results)
+    half = min(10 * float(np.ptp(grid.points[cell], axis=0).max()), float((upper - lower).min()) / 3)
+    return np.array([centre - half, centre + half])
+
+
+def _window_frame(window: np.ndarray) -> Rectangle:
+    return Rectangle(tuple(window[0]), *(window[1] - window[0]), fill=False, edgecolor="black", linewidth=0.9)
+
+
+def _draw_deformed_mesh(axes: Axes, grid: GridState, factor: float, window: np.ndarray | None = None) -> None:
+    """Draw the deformed elements, in the window only where there is one."""
+    corners = (grid.points + factor * grid.displacement)[grid.cells]
+    broken = grid.least_phase_field() < style.BROKEN_BELOW
+    if window is not None:
+        near = np.all((corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1]), axis=1)
+        corners, broken = corners[near], broken[near]
+    many = len(corners) > style.RASTER_ABOVE
+    for shown, (face, edge) in ((corners[~broken], ELEMENT), (corners[broken], BROKEN_ELEMENT)):
+        axes.add_collection(
+            PolyCollection(
+                shown, facecolors=face, edgecolors=edge, linewidths=0.15 if many else 0.5, rasterized=many
+            )
+        )
+
+
+def _draw_moved_points(axes: Axes, points: PointState, factor: float, window: np.ndarray | None = None) -> None:
+    """Draw the points that are not broken at their magnified places, in the window only where there is one."""
+    places = (points.reference + factor * points.displacement)[points.phase_field >= style.BROKEN_BELOW]
+    if window is not None:
+        places = places[np.all((places >= window[0]) & (places <= window[1]), axis=1)]
+    many = len(places) > style.RASTER_ABOVE
+    axes.plot(
+        places[:, 0], places[:, 1], linestyle="none", marker="o", markersize=0.8 if many else 2.4,
+        markeredgewidth=0, color=style.OKABE_ITO[0], rasterized=many,
+    )  # fmt: skip
+
+
+def _frame_distortion(axes: np.ndarray, results: CaseResults, window: np.ndarray) -> None:
+    lower, upper = extent_of(results)
+    reach = SHARE_OF_BODY_TO_MOVE * (upper - lower).max()
+    for whole, close_up in axes.T:
+        whole.set_aspect("equal")
+        fit_axes(whole, lower - reach, upper + reach)
+        whole.add_patch(_window_frame(window))
+        close_up.set(xlim=window[:, 0], ylim=window[:, 1], aspect="equal")
+
+
+def _title_distortion(axes: np.ndarray, results: CaseResults, u_fem: float, u_mpm: float) -> None:
+    unit = results.unit("displacement")
+    axes[0, 0].set_title(f"PF-FEM mesh, u = {number(u_fem)} {unit}")
+    axes[0, 1].set_title(f"PF-MPM points, u = {number(u_mpm)} {unit}")
+    _label_outer(axes, results)
+
+
+def _distortion_key() -> list[Any]:
+    broken = f"element with c < {style.BROKEN_BELOW:g}"
+    return [
+        Rectangle((0, 0), 1, 1, facecolor=ELEMENT[0], edgecolor=ELEMENT[1], label="element"),
+        Rectangle((0, 0), 1, 1, facecolor=BROKEN_ELEMENT[0], edgecolor=BROKEN_ELEMENT[1], label=broken),
+        Line2D([], [], linestyle="none", marker="o", markersize=3, color=style.OKABE_ITO[0], label="material point"),
+    ]
+
+
+# ---------------------------------------------------------------- crack paths
+
+
+def crack_paths(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Overlay the crack paths of all runs on the body, whole and close up; None when nothing broke."""
+    runs = [run for run in results.shown_runs() if len(run.crack_path) > 1]
+    if not runs:
+        return None
+    figure, (axes,) = style.panels(1, 2, 8.4, 4.3)
+    colours = style.colours_of([run.name for run in results.shown_runs()])
+    for panel in axes:
+        draw_outlines(panel, results.case)
+        for run in runs:
+            _draw_path(panel, run, colours[run.name])
+        panel.set_aspect("equal")
+    lower, upper = extent_of(results)
+    fit_axes(axes[0], lower, upper)
+    window = _path_window(np.vstack([run.crack_path for run in runs]))
+    axes[1].set(xlim=window[:, 0], ylim=window[:, 1], aspect="auto", title="crack paths, axes stretched")
+    axes[0].set_title("whole body")
+    _label_outer(axes[None, :], results)
+    axes[1].set_ylabel(f"y [{results.unit('length')}]")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    table = pd.concat([pd.DataFrame(run.crack_path, columns=["x", "y"]).assign(run=run.name) for run in runs])
+    caption = f"Crack paths of {listed(run_label(run) for run in runs)} in reference coordinates. "
+    return style.Drawing(
+        "crack-paths", "Crack paths", caption + distances_in_words(results),
+        style.save(figure, folder, "crack-paths"), style.save_data(table, folder, "crack-paths"),
+    )  # fmt: skip
+
+
+def _draw_path(axes: Axes, run: RunResults, colour: str) -> None:
+    line = style.LINE_OF_SOLVER.get(run.solver, "-.")
+    axes.plot(*run.crack_path.T, line, color=colour, linewidth=1.6, label=run_label(run))
+
+
+def _path_window(paths: np.ndarray) -> np.ndarray:
+    """Return the corners (2, 2) around the paths; thin paths are given a twentieth of their length."""
+    lower, upper = paths.min(axis=0), paths.max(axis=0)
+    length = float((upper - lower).max())
+    half = np.maximum((upper - lower) * 0.55, 0.025 * length)
+    centre = (lower + upper) / 2
+    return np.array([centre - half, centre + half])
+
+
+def distances_in_words(results: CaseResults) -> str:
+    """Return the distances between crack paths of the summary as a sentence."""
+    unit, said = results.unit("length"), []
+    stored = results.entry.get("crack_paths") or []
+    for paths in stored if isinstance(stored, list) else [stored]:
+        if paths.get("hausdorff") is not None:
+            said.append(
+                f"{paths['pair']}: Hausdorff distance {number(paths['hausdorff'], 3)} {unit}, "
+                f"mean distance {number(paths.get('mean'), 3)} {unit}"
+            )
+    return "; ".join(said) + "." if said else ""

@@ -1,0 +1,185 @@
+"""The HTML report: a view of ``summary.json`` and the run folders. Nothing is computed or judged here."""
+
+from __future__ import annotations
+
+import logging
+import re
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from . import curves, fields, scene, style, tables, words
+from .results import READING_ERRORS, CaseResults, read_summary
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+logger = logging.getLogger(__name__)
+
+# Sections of a case's page in reading order, with what draws them.
+SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
+    ("Load and displacement", curves.load_displacement),
+    ("Relative error", curves.relative_errors),
+    ("Energies", curves.energies),
+    ("Phase field", fields.phase_field),
+    ("Crack paths", fields.crack_paths),
+    ("Distorted mesh and material points", fields.distortion),
+    ("Hydrostatic stress", fields.hydrostatic_stress),
+    ("Convergence", curves.convergence),
+)
+
+
+@dataclass
+class Section:
+    """A heading with its figures, or the reason why there is none."""
+
+    title: str
+    drawings: list[style.Drawing] = field(default_factory=list)
+    problem: str = ""
+
+    @property
+    def anchor(self) -> str:
+        """The section's identifier on its page."""
+        return style.slug(self.title.lower())
+
+
+def write_report(out: Path) -> Path:
+    """Write ``out/index.html`` and one page per case from ``out/summary.json``; return the overview's path.
+
+    Figures go to ``out/figures/<case>-<tier>/`` as SVG with the CSV behind each curve. Nothing is loaded from
+    elsewhere, so that the folder can be moved and read offline.
+
+    Raises FileNotFoundError when there is no summary yet.
+    """
+    out = Path(out)
+    summary = read_summary(out)
+    pages = [_write_case_page(CaseResults(entry, out), summary, out) for entry in summary["cases"]]
+    file = out / "index.html"
+    overview = _environment().get_template("index.html").render(
+        summary=summary, pages=pages, environment=_computed_with(pages),
+        sentence=words.overview_sentence(summary["cases"]), root="",
+    )  # fmt: skip
+    file.write_text(overview, encoding="utf-8")
+    return file
+
+
+def _environment() -> Environment:
+    """Templates with escaping on; a variable that is not there is an error and not a gap."""
+    environment = Environment(
+        loader=PackageLoader("reports"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters.update(number=words.number, percent=words.percent, verdict=_verdict_in_words, subscripts=_subscripts)
+    return environment
+
+
+def _verdict_in_words(verdict: str) -> str:
+    return words.VERDICT_WORDS.get(verdict, verdict)
+
+
+def _subscripts(text: str) -> Markup:
+    """Set ``u_x`` and ``u_y`` with subscripts."""
+    return Markup(re.sub(r"\bu_([xy])\b", r"u<sub>\1</sub>", str(escape(text))))
+
+
+# ---------------------------------------------------------------- a case's page
+
+
+def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
+    """Write the page of one case and return its row of the overview."""
+    name = style.slug(f"{results.name}-{results.tier}" if results.tier else results.name)
+    figures = out / "figures" / name
+    shutil.rmtree(figures, ignore_errors=True)  # figures of an earlier report must not survive
+    with style.drawing_style():
+        picture = _section("Scene", scene.scene, results, figures)
+        sections = [_section(title, draw, results, figures) for title, draw in SECTIONS]
+    page = _environment().get_template("case.html").render(
+        results=results, entry=results.entry, summary=summary, case=results.case, root="../",
+        figures=f"../figures/{name}", picture=picture,
+        sections=[section for section in sections if section.drawings or section.problem],
+        sentence=words.verdict_sentence(results.entry), runs_sentence=words.runs_sentence(list(results.runs.values())),
+        boundaries=scene.boundary_rows(results.case) if results.case else [],
+        checks=tables.check_rows(results), cost=tables.cost_table(results), cost_sentence=tables.cost_sentence(results),
+        runs=tables.run_rows(results), notices=_notices(results), readme=readme_html(results),
+    )  # fmt: skip
+    file = out / "pages" / f"{name}.html"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(page, encoding="utf-8")
+    return _overview_row(results, f"pages/{name}.html")
+
+
+def _section(
+    title: str, draw: Callable[[CaseResults, Path], Any], results: CaseResults, folder: Path
+) -> Section:
+    """Draw one section; what cannot be drawn becomes a sentence on the page and a warning in the log."""
+    try:
+        drawn = draw(results, folder)
+    except READING_ERRORS as problem:
+        logger.warning("%s: %s could not be drawn: %s", results.name, title.lower(), problem)
+        return Section(title, problem=f"{type(problem).__name__}: {problem}")
+    drawings = drawn if isinstance(drawn, list) else [drawn]
+    return Section(title, [drawing for drawing in drawings if drawing is not None])
+
+
+def _notices(results: CaseResults) -> list[str]:
+    """Return what is missing from the page and why."""
+    absent: dict[str, list[str]] = {}
+    for run in results.runs.values():
+        if not run.exists:
+            absent.setdefault(run.entry.get("reason") or run.problem or run.status, []).append(run.name)
+    said = [f"Not shown: {words.listed(names)}. Reason: {why}" for why, names in absent.items()]
+    said += [f"{curve['against']}: {curve['note']}" for curve in results.entry.get("curves") or [] if curve.get("note")]
+    if results.case is None:
+        said.append(f"The case description could not be read: {results.case_problem}")
+    return said
+
+
+def readme_html(results: CaseResults) -> Markup:
+    """Return the case's README as HTML, with markup inside it shown as text; empty without one."""
+    file = results.case.folder / "README.md" if results.case else None
+    if file is None or not file.is_file():
+        return Markup("")
+    text = file.read_text(encoding="utf-8")
+    try:
+        from markdown_it import MarkdownIt
+    except ImportError:  # it comes with rich, but nothing here declares it
+        return Markup("<pre>{}</pre>").format(text)
+    return Markup(MarkdownIt("commonmark", {"html": False}).enable("table").render(text))
+
+
+# ---------------------------------------------------------------- the overview
+
+
+def _overview_row(results: CaseResults, page: str) -> dict[str, Any]:
+    worst = words.worst_check(results.checks)
+    seconds = [(run.entry.get("seconds") or {}).get("total") for run in results.runs.values()]
+    gated = [check for check in results.checks if check.get("gate", True)]
+    return {
+        "name": results.name,
+        "title": results.entry.get("title") or results.name,
+        "section": results.entry.get("section") or "",
+        "tier": results.tier,
+        "verdict": results.verdict,
+        "page": page,
+        "passed": sum(check.get("verdict") == "PASS" for check in gated),
+        "gated": len(gated),
+        "margin": worst["margin_used"] if worst else None,
+        "worst": words.check_in_words(worst) if worst else "",
+        "seconds": sum(second for second in seconds if second),
+        "records": [run.record for run in results.runs.values() if run.record],
+    }
+
+
+def _computed_with(pages: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """Return versions and processors of all runs; several values where runs differ."""
+    found: dict[str, dict[str, None]] = {}
+    for record in (record for page in pages for record in page["records"]):
+        facts = {"code": record.get("code_version"), "processor": record.get("processor")}
+        facts |= {"threads": record.get("threads"), **(record.get("versions") or {})}
+        for name, value in facts.items():
+            if value is not None:
+                found.setdefault(name, {})[str(value)] = None
+    return [(name, ", ".join(values)) for name, values in found.items()]

@@ -1,0 +1,414 @@
+"""The picture of a case: bodies, notches, boundary conditions, dimensions, close-ups of mesh, grid and points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+
+from cases.spacing import grid_lines
+
+from . import style
+from .outlines import body_polygons, draw_notches, draw_outlines, polygon_patch
+from .words import listed, number
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from cases import Case
+
+    from .results import CaseResults, RunResults
+
+FIXED, MOVED, PRESCRIBED_PHASE, TIED = style.INK, style.OKABE_ITO[1], style.OKABE_ITO[3], style.OKABE_ITO[2]
+BODY_TINTS = ("#dde6ee", "#f3e6d3", "#dcebe1", "#eee0ea", "#e9e9e2")
+SYMBOLS_ON_A_SIDE = 6
+SAMPLES_ON_A_RING = 1200
+CELLS_IN_A_CLOSE_UP = 12
+AXES_OF = {"x": np.array([1.0, 0.0]), "y": np.array([0.0, 1.0])}
+
+
+# ---------------------------------------------------------------- what the boundary conditions are
+
+
+def conditions(case: Case, boundary: str) -> list[Any]:
+    """Return the constraints on a boundary set."""
+    return [constraint for constraint in case.constraints if constraint.on == boundary]
+
+
+def condition_in_words(constraint: Any, mathematics: bool = False) -> str:
+    """Return a constraint as text: ``u_y = u``, ``u_x = 0``, ``u_x tied``, ``c = 0``."""
+    if constraint.motion is not None:
+        return f"u from the exact field {constraint.motion}".replace("_", " ")
+    name = "c" if constraint.direction == "phase" else f"u_{constraint.direction}"
+    name = f"${name}$" if mathematics else name
+    if constraint.tied:
+        return f"{name} tied"
+    if constraint.scale is not None:
+        factor = {1.0: "", -1.0: "−"}.get(constraint.scale, f"{number(constraint.scale)} ")
+        return f"{name} = {factor}{'$u$' if mathematics else 'u'}"
+    return f"{name} = {number(constraint.value)}"
+
+
+def place_in_words(case: Case, boundary: str) -> str:
+    """Return where a boundary set lies."""
+    chosen, unit = case.boundaries[boundary], case.units.label("length")
+    if chosen.box:
+        return f"box {_pair(chosen.box.lower)} to {_pair(chosen.box.upper)} {unit}"
+    if chosen.point:
+        return f"point {_pair(chosen.point)} {unit}"
+    if chosen.circle:
+        return f"circle around {_pair(chosen.circle.centre)}, radius {number(chosen.circle.radius)} {unit}"
+    return f"{listed(chosen.edges or (chosen.edge,))} of the bounding box"
+
+
+def _pair(point: Any) -> str:
+    return f"({number(point[0])}, {number(point[1])})"
+
+
+def boundary_rows(case: Case) -> list[dict[str, str]]:
+    """Return name, place and conditions of each constrained boundary set."""
+    names = dict.fromkeys(constraint.on for constraint in case.constraints)
+    return [
+        {
+            "name": name,
+            "place": place_in_words(case, name),
+            "conditions": ", ".join(condition_in_words(constraint) for constraint in conditions(case, name)),
+        }
+        for name in names
+    ]
+
+
+# ---------------------------------------------------------------- where they act
+
+
+@dataclass(frozen=True)
+class Side:
+    """A stretch of outline with one outward normal: places (n, 2) in order along it, normal (2,)."""
+
+    places: np.ndarray
+    normal: np.ndarray
+
+    def spread(self, count: int = SYMBOLS_ON_A_SIDE) -> np.ndarray:
+        """Return ``count`` places evenly along the side, its ends left free."""
+        if len(self.places) <= 2:
+            return self.places[:1]
+        return self.places[np.linspace(0, len(self.places) - 1, 2 * count + 1).round().astype(int)[1::2]]
+
+    @property
+    def middle(self) -> np.ndarray:
+        """The place halfway along."""
+        return self.places[len(self.places) // 2]
+
+
+def outline_samples(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 2) along the outlines of all bodies and their outward normals (n, 2)."""
+    places, normals = [], []
+    for body in case.bodies.values():
+        for polygon in body_polygons(body):
+            for outer, ring in [(True, polygon.exterior), *((False, hole) for hole in polygon.interiors)]:
+                along = np.linspace(0.0, ring.length, SAMPLES_ON_A_RING, endpoint=False)
+                points = np.array([ring.interpolate(s).coords[0] for s in along])
+                chord = np.array([ring.interpolate(s + 1e-4 * ring.length).coords[0] for s in along]) - points
+                chord /= np.maximum(np.hypot(*chord.T), 1e-300)[:, None]
+                outward = 1.0 if ring.is_ccw == outer else -1.0
+                places.append(points)
+                normals.append(outward * np.column_stack([chord[:, 1], -chord[:, 0]]))
+    return np.vstack(places), np.vstack(normals)
+
+
+def sides_of(case: Case, boundary: str, samples: tuple[np.ndarray, np.ndarray]) -> list[Side]:
+    """Return the stretches of outline that belong to a boundary set, one for each outward direction.
+
+    A set that touches no outline (a point or a box inside a body) gives one place at its middle.
+    """
+    places, normals = samples
+    lower, upper = case.bounding_box()
+    chosen = case.boundaries[boundary]
+    on_set = chosen.select(places, 2e-3 * float((upper - lower).max()), (lower, upper))
+    if chosen.point or not on_set.any():
+        middle = _middle_of(case, boundary)
+        outward = np.array([0.0, 1.0 if middle[1] >= (lower + upper)[1] / 2 else -1.0])
+        return [Side(middle[None, :], outward)]
+    directions = np.round(np.arctan2(normals[:, 1], normals[:, 0]) / (np.pi / 2)).astype(int) % 4
+    sides = []
+    for direction in np.unique(directions[on_set]):
+        found = on_set & (directions == direction)
+        if found.sum() < 0.04 * on_set.sum():
+            continue  # the corner samples of a neighbouring edge
+        normal = np.round([np.cos(direction * np.pi / 2), np.sin(direction * np.pi / 2)])
+        order = np.argsort(places[found] @ np.array([-normal[1], normal[0]]))
+        sides.append(Side(places[found][order], normal))
+    return sides
+
+
+def _middle_of(case: Case, boundary: str) -> np.ndarray:
+    chosen = case.boundaries[boundary]
+    if chosen.box:
+        return (np.asarray(chosen.box.lower) + np.asarray(chosen.box.upper)) / 2
+    return np.asarray(chosen.circle.centre if chosen.circle else chosen.point, dtype=float)
+
+
+# ---------------------------------------------------------------- drawing symbols
+
+
+def _draw_boundary(axes: Axes, case: Case, boundary: str, samples: Any, size: float) -> None:
+    """Draw the set's place, its symbols and its label outside the body."""
+    constraints = conditions(case, boundary)
+    _draw_place(axes, case.boundaries[boundary])
+    words = ", ".join(condition_in_words(constraint, mathematics=True) for constraint in constraints)
+    for side in sides_of(case, boundary, samples):
+        depth = _draw_symbols(axes, side, constraints, size)
+        place = side.middle + side.normal * (depth + 0.3) * size
+        upright = abs(side.normal[0]) > 0.5
+        anchor = {"ha": "center", "va": "center"}
+        anchor |= {"ha": "left" if side.normal[0] > 0 else "right"} if upright else {
+            "va": "bottom" if side.normal[1] > 0 else "top"
+        }  # fmt: skip
+        axes.text(*place, f"{boundary}: {words}", rotation=90 if upright else 0, fontsize=8.5, zorder=6, **anchor)
+
+
+def _draw_place(axes: Axes, chosen: Any) -> None:
+    if chosen.box:
+        corner, extent = np.asarray(chosen.box.lower), np.subtract(chosen.box.upper, chosen.box.lower)
+        axes.add_patch(Rectangle(tuple(corner), *extent, fill=False, hatch="////", edgecolor=style.GREY, linewidth=0.6))
+    if chosen.circle:
+        axes.add_patch(Circle(chosen.circle.centre, chosen.circle.radius, fill=False, edgecolor=MOVED, linewidth=1.2))
+    if chosen.point:
+        axes.plot(*chosen.point, "o", color=style.INK, markersize=4, zorder=5)
+
+
+def _draw_symbols(axes: Axes, side: Side, constraints: list[Any], size: float) -> float:
+    """Draw the symbols of one side; return how far they reach outwards, in symbol sizes."""
+    fixed = [c.direction for c in constraints if c.value == 0 and c.direction in AXES_OF]
+    depth = 0.0
+    if any(c.direction == "phase" for c in constraints):
+        axes.plot(*side.places.T, color=PRESCRIBED_PHASE, linewidth=3, linestyle=(0, (1, 1)), zorder=4)
+    if len(fixed) == 2:
+        depth = _draw_clamp(axes, side, size)
+    elif fixed:
+        depth = _draw_rollers(axes, side, AXES_OF[fixed[0]], size)
+    for constraint in constraints:
+        depth = max(depth, _draw_motion(axes, side, constraint, size, depth))
+    return depth
+
+
+def _draw_clamp(axes: Axes, side: Side, size: float) -> float:
+    """Hatching: both displacements are zero."""
+    places = side.spread(26) if len(side.places) > 2 else side.places
+    tangent = np.array([-side.normal[1], side.normal[0]])
+    tips = places + size * 0.45 * (side.normal - tangent)
+    axes.plot(*side.places.T, color=FIXED, linewidth=1.8, zorder=4)
+    axes.add_collection(LineCollection(list(np.stack([places, tips], axis=1)), colors=FIXED, linewidths=0.7))
+    return 0.5
+
+
+def _draw_rollers(axes: Axes, side: Side, direction: np.ndarray, size: float) -> float:
+    """Triangles along the direction that is held: against the side, or beside it when it may open."""
+    along_normal = abs(direction @ side.normal) > 0.5
+    axis = side.normal if along_normal else direction
+    across = np.array([-axis[1], axis[0]])
+    start = 0.0 if along_normal else 0.55
+    for place in side.spread(5):
+        apex = place + side.normal * start * size - (0 if along_normal else 0.35) * axis * size
+        base = apex + 0.6 * size * axis
+        corners = np.array([apex, base + 0.32 * size * across, base - 0.32 * size * across])
+        axes.fill(*corners.T, facecolor="white", edgecolor=FIXED, linewidth=0.8, zorder=4)
+        ground = base + 0.14 * size * axis + np.outer([-0.42, 0.42], across) * size
+        axes.plot(*ground.T, color=FIXED, linewidth=0.9, zorder=4)
+    return 0.8 if along_normal else 1.0
+
+
+def _draw_motion(axes: Axes, side: Side, constraint: Any, size: float, depth: float) -> float:
+    """Draw load arrows, the bar of tied points or the dots of an exact field; return the depth reached."""
+    if constraint.tied:
+        bar = side.places[[0, -1]] + side.normal * (depth + 0.25) * size
+        axes.plot(*bar.T, color=TIED, linewidth=2.5, solid_capstyle="butt", zorder=4)
+        return depth + 0.35
+    if constraint.motion is not None:
+        axes.plot(*side.spread(12).T, "o", color=MOVED, markersize=3, zorder=4)
+        return max(depth, 0.15)
+    amount = constraint.scale if constraint.scale is not None else constraint.value
+    if not amount or constraint.direction not in AXES_OF:
+        return depth
+    return _draw_arrows(axes, side, np.sign(amount) * AXES_OF[constraint.direction], size, depth)
+
+
+def _draw_arrows(axes: Axes, side: Side, direction: np.ndarray, size: float, depth: float) -> float:
+    outward = float(direction @ side.normal)
+    length, gap = 1.5 * size, (depth + 0.15) * size
+    start = side.spread(5) + side.normal * (gap + (0.25 * size if abs(outward) < 0.5 else 0.0))
+    if outward < -0.5:
+        start = start + side.normal * length  # pushing: the arrow ends at the side
+    if abs(outward) < 0.5:
+        start = start - direction * length / 2
+    for place in start:
+        axes.annotate(
+            "", place + length * direction, place, zorder=5,
+            arrowprops={"arrowstyle": "-|>,head_width=0.22,head_length=0.45", "color": MOVED, "lw": 1.3,
+                        "shrinkA": 0, "shrinkB": 0},
+        )  # fmt: skip
+    return depth + (1.7 if abs(outward) > 0.5 else 0.65)
+
+
+# ---------------------------------------------------------------- drawing the body
+
+
+def _draw_bodies(axes: Axes, case: Case) -> None:
+    tints = dict(zip(case.materials, BODY_TINTS * len(case.materials), strict=False))
+    for name, body in case.bodies.items():
+        polygons = body_polygons(body)
+        for polygon in polygons:
+            axes.add_patch(
+                polygon_patch(polygon, facecolor=tints[body.material], edgecolor=style.INK, linewidth=1.0, zorder=1)
+            )
+        if len(case.bodies) > 1:
+            place = polygons[0].representative_point()
+            axes.text(place.x, place.y, f"{name}\n({body.material})", ha="center", va="center", fontsize=8)
+
+
+def _draw_dimensions(axes: Axes, case: Case, size: float) -> None:
+    """Draw width and height of the bounding box outside the labels, and the length of each notch."""
+    (lower, upper), unit = case.bounding_box(), case.units.label("length")
+    below, left = lower[1] - 3.4 * size, lower[0] - 3.4 * size
+    _dimension(axes, (lower[0], below), (upper[0], below), f"{number(upper[0] - lower[0])} {unit}")
+    _dimension(axes, (left, lower[1]), (left, upper[1]), f"{number(upper[1] - lower[1])} {unit}")
+    for notch in case.notches:
+        start, end = np.asarray(notch.start, float), np.asarray(notch.end, float)
+        length = np.hypot(*(end - start))
+        width = f", {number(notch.width)} {unit} wide" if notch.kind == "cells" else ""
+        angle = float(np.degrees(np.arctan2(*(end - start)[::-1]) + np.pi / 2) % 180 - 90)
+        axes.annotate(
+            f"notch ({notch.kind}) {number(length)} {unit}{width}", (start + end) / 2, xytext=(0, 5),
+            textcoords="offset points", ha="center", va="bottom", fontsize=8, rotation=angle,
+            rotation_mode="anchor", zorder=6, bbox={"facecolor": BODY_TINTS[0], "edgecolor": "none", "pad": 0.8},
+        )  # fmt: skip
+
+
+def _dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
+    arrow = {"arrowstyle": "<->,head_width=0.15,head_length=0.35", "color": style.GREY, "lw": 0.8, "shrinkA": 0,
+             "shrinkB": 0}  # fmt: skip
+    axes.annotate("", end, start, arrowprops=arrow, annotation_clip=False)
+    upright = start[0] == end[0]
+    middle = (np.asarray(start) + np.asarray(end)) / 2
+    axes.text(
+        *middle, text, rotation=90 if upright else 0, ha="center", va="center", fontsize=8.5, color="#3b4046",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------- close-ups
+
+
+def close_up_window(case: Case) -> np.ndarray:
+    """Return the corners (2, 2) of the close-ups: the notch's inner end, else the fine box's, else the middle."""
+    lower, upper = case.bounding_box()
+    half = min(CELLS_IN_A_CLOSE_UP / 2 * case.mesh.h, 0.5 * float((upper - lower).max()))
+    if case.notches:
+        ends = np.array([case.notches[0].start, case.notches[0].end], dtype=float)
+        inside = np.minimum(ends - lower, upper - ends).min(axis=1)
+        centre = ends[int(inside.argmax())]
+    elif case.mesh.fine:
+        centre = (np.asarray(case.mesh.fine.lower) + np.asarray(case.mesh.fine.upper)) / 2
+    else:
+        centre = (lower + upper) / 2
+    return np.array([centre - half, centre + half])
+
+
+def _draw_mesh_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None:
+    grid = run.grid(float(run.stored[0]))
+    corners = grid.points[grid.cells]
+    near = np.all((corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1]), axis=1)
+    colour = style.OKABE_ITO[0] if run.solver == "fem" else "#b9bec5"
+    axes.add_collection(PolyCollection(corners[near], facecolors="none", edgecolors=colour, linewidths=0.7))
+
+
+def _draw_points_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None:
+    points = run.points(float(run.stored[0])).reference
+    near = points[np.all((points >= window[0]) & (points <= window[1]), axis=1)]
+    axes.plot(*near.T, linestyle="none", marker="o", markersize=2.6, markeredgewidth=0, color=style.OKABE_ITO[1])
+
+
+def _draw_planned_grid(axes: Axes, case: Case) -> None:
+    x_lines, y_lines = grid_lines(case)
+    for x in x_lines:
+        axes.axvline(x, color=style.OKABE_ITO[0], linewidth=0.6)
+    for y in y_lines:
+        axes.axhline(y, color=style.OKABE_ITO[0], linewidth=0.6)
+
+
+def _close_up(axes: Axes, results: CaseResults, case: Case, solver: str, window: np.ndarray) -> str:
+    """Draw mesh, or grid and points, of the run of one solver; return its title."""
+    run = next((run for run in results.main_runs() if run.solver == solver and run.stored.size), None)
+    axes.set(xlim=window[:, 0], ylim=window[:, 1], aspect="equal", xticks=[], yticks=[])
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+    draw_outlines(axes, case, notches=False)
+    draw_notches(axes, case, widen=1.6)
+    if run is None:
+        _draw_planned_grid(axes, case)
+        return "planned grid (no fields stored)"
+    _draw_mesh_close_up(axes, run, window)
+    if solver == "mpm":
+        _draw_points_close_up(axes, run, window)
+    return {"fem": "PF-FEM mesh", "mpm": "PF-MPM grid and points"}[solver]
+
+
+# ---------------------------------------------------------------- the figure
+
+
+def _arrange(case: Case, close_ups: int) -> tuple[Figure, Axes, list[Axes]]:
+    """Return the figure with the close-ups beside a compact body, below a long one."""
+    lower, upper = case.bounding_box()
+    width, height = upper - lower
+    if height < 0.45 * width:
+        figure = Figure(figsize=(8.4, 3.0 + 8.4 * (height / width + 0.25)), layout="constrained")
+        grid = figure.add_gridspec(2, max(close_ups, 1), height_ratios=[8.4 * (height / width + 0.25), 2.6])
+        return figure, figure.add_subplot(grid[0, :]), [figure.add_subplot(grid[1, i]) for i in range(close_ups)]
+    figure = Figure(figsize=(8.4, 5.4), layout="constrained")
+    grid = figure.add_gridspec(max(close_ups, 1), 2, width_ratios=[2.1, 1.0])
+    return figure, figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[i, 1]) for i in range(close_ups)]
+
+
+def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the case; None when its description cannot be read."""
+    case = results.case
+    if case is None:
+        return None
+    solvers = [s for s in ("fem", "mpm") if any(run.solver == s for run in results.runs.values())] or ["fem"]
+    figure, main, close_ups = _arrange(case, len(solvers))
+    window = close_up_window(case)
+    _draw_main(main, case, window)
+    titles = [_close_up(axes, results, case, s, window) for axes, s in zip(close_ups, solvers, strict=True)]
+    for axes, title in zip(close_ups, titles, strict=True):
+        axes.set_title(f"{title}, {number(np.ptp(window[:, 0]), 3)} {case.units.label('length')} wide")
+    caption = (
+        f"{case.title}: {len(case.bodies)} {'body' if len(case.bodies) == 1 else 'bodies'}, plane {case.plane.assumption}, "
+        f"thickness {number(case.plane.thickness)} {case.units.label('length')}, spacing h = {number(case.mesh.h)} "
+        f"{case.units.label('length')}. Orange arrows: prescribed motion; hatching: held in both directions; "
+        f"triangles: held along their axis. The dashed frame is shown enlarged: {listed(titles)}."
+    )
+    return style.Drawing("scene", "Scene", caption, style.save(figure, folder, "scene"))
+
+
+def _draw_main(axes: Axes, case: Case, window: np.ndarray) -> None:
+    lower, upper = case.bounding_box()
+    size = 0.045 * float((upper - lower).max())  # of a symbol
+    _draw_bodies(axes, case)
+    draw_notches(axes, case, widen=1.4)
+    samples = outline_samples(case)
+    for boundary in dict.fromkeys(constraint.on for constraint in case.constraints):
+        _draw_boundary(axes, case, boundary, samples, size)
+    _draw_dimensions(axes, case, size)
+    axes.add_patch(
+        Rectangle(tuple(window[0]), *(window[1] - window[0]), fill=False, linestyle="--", linewidth=0.9,
+                  edgecolor=style.INK, zorder=5)
+    )  # fmt: skip
+    axes.set(xlim=(lower[0] - 4 * size, upper[0] + 3.4 * size), ylim=(lower[1] - 4 * size, upper[1] + 3.4 * size))
+    axes.set_aspect("equal")
+    axes.axis("off")

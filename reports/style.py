@@ -1,0 +1,124 @@
+"""How every figure of the report looks, and how it is written so that equal results give equal bytes."""
+
+from __future__ import annotations
+
+import re
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+# Okabe and Ito's palette; black is kept for published points, yellow is too pale for lines on white.
+OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+GREY, INK, PALE = "#8a8f98", "#22262b", "#eceef1"
+PUBLISHED_MARKERS = ("o", "s", "^", "D", "v", "P")
+LINE_OF_SOLVER = {"fem": "-", "mpm": "--"}
+NAME_OF_SOLVER = {"fem": "PF-FEM", "mpm": "PF-MPM"}
+PHASE_FIELD_COLOURS = "magma"
+SIGNED_COLOURS = "RdBu_r"
+RASTER_DPI = 200
+RASTER_ABOVE = 5000  # more cells or points than this are drawn as pixels inside the SVG
+BROKEN_BELOW = 0.08  # phase field under which the thesis removes material points (Fig. 4.9)
+
+SETTINGS: dict[str, Any] = {
+    "svg.hashsalt": "fracture-verify",  # identifiers inside the SVG are the same in every run
+    "svg.fonttype": "path",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.0,
+    "axes.edgecolor": "#5c6168",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": True,
+    "xtick.color": "#3b4046",
+    "ytick.color": "#3b4046",
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "text.color": INK,
+    "grid.color": "#e3e5e8",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "figure.constrained_layout.use": True,
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure on a page: ``file`` and ``data`` are names inside the page's figure folder."""
+
+    name: str
+    title: str
+    caption: str
+    file: str
+    data: str | None = None
+
+
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """Use the report's settings on the Agg canvas, whatever the user's matplotlibrc says."""
+    matplotlib.use("Agg")
+    with matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "Agg", **SETTINGS}):
+        yield
+
+
+def save(figure: Figure, folder: Path, name: str) -> str:
+    """Write ``folder/name.svg`` without date or program version; return the file's name."""
+    file = folder / f"{name}.svg"
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
+    return file.name
+
+
+def save_data(table: pd.DataFrame, folder: Path, name: str) -> str:
+    """Write the numbers behind a figure as ``folder/name.csv``; return the file's name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    table.to_csv(folder / f"{name}.csv", index=False, float_format="%.10g")
+    return f"{name}.csv"
+
+
+def panels(rows: int, columns: int, width: float, height: float, **share: Any) -> tuple[Figure, np.ndarray]:
+    """Return a figure of ``width`` by ``height`` inches and its axes as a (rows, columns) array."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **share)
+    return figure, axes
+
+
+def curve_axes(figure: Figure, xlabel: str, ylabel: str) -> Any:
+    """Return one pair of axes with a light grid and labels."""
+    axes = figure.add_subplot()
+    axes.grid(True)
+    axes.set_axisbelow(True)
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    return axes
+
+
+def colours_of(names: Sequence[str]) -> dict[str, str]:
+    """Give each run its colour: the palette for few runs, an ordered map for many."""
+    if len(names) <= len(OKABE_ITO):
+        return dict(zip(names, OKABE_ITO, strict=False))
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(names)))
+    return {name: matplotlib.colors.to_hex(shade) for name, shade in zip(names, shades, strict=True)}
+
+
+def slug(text: str) -> str:
+    """Return a name that is safe as a file name and as an anchor."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-") or "unnamed"
+
+
+def nice_number(value: float) -> float:
+    """Return the number 1, 2 or 5 times a power of ten that is nearest below ``value``."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step for step in (1.0, 2.0, 5.0) if step <= value / power * (1 + 1e-9)) * power)

@@ -1,0 +1,133 @@
+"""Rows of the tables on a case's page: checks, runs, cost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from . import style
+from .words import STATUS_WORDS, against_in_words, measured_error, metric_in_words, number, percent, whole
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from .results import CaseResults, RunResults
+
+COUNTER_WORDS = {
+    "unknowns_displacement": "unknowns, displacement",
+    "unknowns_phase_field": "unknowns, phase field",
+    "points": "integration points",
+    "cells": "cells",
+}
+
+
+def check_rows(results: CaseResults) -> list[dict[str, Any]]:
+    """Return the checks with every number as text, ``margin`` being the share of the limit used."""
+    return [_check_row(results, check) for check in results.checks]
+
+
+def _check_row(results: CaseResults, check: Mapping[str, Any]) -> dict[str, Any]:
+    metric = str(check["metric"])
+    parameters = ", ".join(f"{name} = {value}" for name, value in (check.get("parameters") or {}).items())
+    return {
+        "metric": metric_in_words(metric),
+        "parameters": parameters,
+        "run": check["run"],
+        "against": against_in_words(str(check.get("against", ""))),
+        "value": number(check.get("value")),
+        "target": number(check.get("target")),
+        "unit": metric_unit(results, metric),
+        "error": measured_error(check),
+        "limit": measured_error(check, "limit"),
+        "margin": check.get("margin_used"),
+        "margin_text": percent(check.get("margin_used")),
+        "verdict": check.get("verdict", "MISSING"),
+        "gate": check.get("gate", True),
+        "reason": check.get("reason", ""),
+        "source": check.get("source") or "",
+        "note": check.get("note") or "",
+    }
+
+
+def metric_unit(results: CaseResults, metric: str) -> str:
+    """Return the unit of a metric; nothing for pure numbers and where the case cannot be read."""
+    return ""
+
+
+def staggered_iterations(run: RunResults) -> int:
+    """Return the number of staggered iterations of a run."""
+    return int(run.history["staggered"].sum())
+
+
+def seconds_per_iteration(run: RunResults) -> float | None:
+    """Return the seconds per staggered iteration, warm-up left out; None without iterations."""
+    seconds = run.entry.get("seconds") or {}
+    total = seconds.get("solve", seconds.get("total"))
+    iterations = staggered_iterations(run)
+    return total / iterations if total is not None and iterations else None
+
+
+def cost_table(results: CaseResults) -> dict[str, Any]:
+    """Return ``runs`` (column heads) and ``rows`` of (words, one text per run) of what each run took."""
+    runs = results.shown_runs()
+    rows: list[tuple[str, list[str]]] = [("method", [style.NAME_OF_SOLVER.get(r.solver, r.solver) for r in runs])]
+    rows += [(COUNTER_WORDS.get(key, key.replace("_", " ")), _counts(runs, key)) for key in _keys(runs, "counters")]
+    rows += [
+        ("increments", [whole(len(run.history) - 1) for run in runs]),
+        ("staggered iterations", [whole(staggered_iterations(run)) for run in runs]),
+        ("Newton iterations", [whole(run.history["newton"].sum()) for run in runs]),
+    ]
+    for key in _keys(runs, "seconds"):
+        texts = [number((run.entry.get("seconds") or {}).get(key), 3) for run in runs]
+        rows.append((f"{key.replace('_', ' ')} [s]", texts))
+    rows += [
+        ("solve per staggered iteration [ms]", [_milliseconds(run) for run in runs]),
+        ("peak memory [MB]", [number(run.entry.get("memory_mb", run.record.get("memory_mb"))) for run in runs]),
+        ("threads", [whole(run.record.get("threads")) for run in runs]),
+        ("processor", [str(run.record.get("processor") or "–") for run in runs]),
+    ]
+    return {"runs": [run.name for run in runs], "rows": rows}
+
+
+def _keys(runs: list[RunResults], table: str) -> list[str]:
+    """Return the keys of all runs in the order of first use."""
+    return list(dict.fromkeys(key for run in runs for key in run.entry.get(table) or {}))
+
+
+def _counts(runs: list[RunResults], key: str) -> list[str]:
+    return [whole((run.entry.get("counters") or {}).get(key)) for run in runs]
+
+
+def _milliseconds(run: RunResults) -> str:
+    seconds = seconds_per_iteration(run)
+    return "–" if seconds is None else number(1000 * seconds, 3)
+
+
+def cost_sentence(results: CaseResults) -> str:
+    """Return the ratio of MPM to FEM seconds per staggered iteration of the main runs."""
+    runs = {run.solver: run for run in reversed(results.main_runs())}
+    if not {"fem", "mpm"} <= runs.keys():
+        return ""
+    fem, mpm = (seconds_per_iteration(runs[solver]) for solver in ("fem", "mpm"))
+    if not fem or not mpm:
+        return ""
+    return (
+        f"A staggered iteration of {runs['mpm'].name} (PF-MPM) takes {number(mpm / fem, 3)} times as long as one of "
+        f"{runs['fem'].name} (PF-FEM): {number(1000 * mpm, 3)} ms against {number(1000 * fem, 3)} ms."
+    )
+
+
+def run_rows(results: CaseResults) -> list[dict[str, str]]:
+    """Return how each run ended and where its files lie."""
+    return [
+        {
+            "name": run.name,
+            "method": style.NAME_OF_SOLVER.get(run.solver, run.solver),
+            "status": STATUS_WORDS.get(run.status, run.status),
+            "good": run.status in ("complete", "broken_through"),
+            "reason": str(run.entry.get("reason") or ("" if run.exists else run.problem)),
+            "increments": whole(len(run.history) - 1) if run.exists else "–",
+            "seconds": number((run.entry.get("seconds") or {}).get("total"), 3),
+            "folder": run.location if run.exists else "",
+        }
+        for run in results.runs.values()
+    ]

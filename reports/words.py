@@ -1,0 +1,147 @@
+"""Numbers, metrics and verdicts in words; every sentence is made from the summary's numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+VERDICT_WORDS = {
+    "PASS": "Pass",
+    "FAIL": "Fail",
+    "RUN_FAILED": "Run failed",
+    "NOT_CHECKED": "Not checked",
+    "MISSING": "Missing",
+    "INFO": "Shown only",
+}
+STATUS_WORDS = {
+    "complete": "load path completed",
+    "broken_through": "broken through",
+    "no_convergence": "no convergence",
+    "failed": "failed",
+    "missing": "no results",
+}
+# Quantity whose unit a metric carries; metrics that are not listed are shown without a unit.
+QUANTITY_OF_METRIC = {
+    "peak_force": "force",
+    "displacement_at_peak": "displacement",
+    "dissipated_work": "energy",
+    "fracture_energy": "energy",
+    "crack_path_hausdorff": "length",
+    "crack_path_mean": "length",
+    "crack_length": "length",
+    "j_integral": "toughness",
+}
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """Return a number with ``digits`` significant digits; a dash when there is none."""
+    if value is None or isinstance(value, str) or not math.isfinite(value):
+        return "–" if value is None or isinstance(value, str) else str(value)
+    if value != 0 and not 1e-3 <= abs(value) < 1e5:
+        mantissa, exponent = f"{value:.{max(digits - 2, 1)}e}".split("e")
+        return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    return f"{value:.{digits}g}" if abs(value) < 10 ** (digits - 1) else f"{value:.0f}"
+
+
+def whole(value: Any) -> str:
+    """Return a count with thin spaces between thousands; a dash when there is none."""
+    return "–" if value is None else f"{int(value):,}".replace(",", "\u202f")
+
+
+def percent(value: Any, digits: int = 3) -> str:
+    """Return a share as percent."""
+    return "–" if value is None or not math.isfinite(value) else f"{number(100 * value, digits)} %"
+
+
+def plural(count: int, noun: str) -> str:
+    """Return ``1 check``, ``2 checks``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def listed(items: Iterable[str]) -> str:
+    """Return ``a, b and c``."""
+    names = list(items)
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def metric_in_words(metric: str) -> str:
+    """Return the metric's name as words."""
+    words = metric.replace("_", " ").replace("l2", "L2").strip()
+    return words[:1].upper() + words[1:]
+
+
+def against_in_words(against: str) -> str:
+    """Return what a value is compared with as words."""
+    kind, _, name = against.partition(":")
+    sentences = {"none": "is itself an error", "exact": "exact solution", "baseline": "baseline"}
+    return {"reference": f"published: {name}", "value": f"value {name}"}.get(kind, sentences.get(kind, against))
+
+
+def worst_check(checks: Iterable[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """Return the gated check that uses most of its limit."""
+    gated = [check for check in checks if check.get("gate", True) and check.get("margin_used") is not None]
+    return max(gated, key=lambda check: check["margin_used"], default=None)
+
+
+def measured_error(check: Mapping[str, Any], key: str = "error") -> str:
+    """Return a check's error (or limit) in the measure that it is judged in."""
+    value = check.get(key)
+    relative = check.get("measure", "relative") == "relative" and check.get("against") != "none"
+    return percent(value) if relative else number(value)
+
+
+def check_in_words(check: Mapping[str, Any]) -> str:
+    """Return one check as a clause: metric, run, what against, error and limit."""
+    metric = metric_in_words(str(check["metric"])).lower().replace("l2", "L2")
+    against = check.get("against", "none")
+    compared = "" if against == "none" else f" against {against_in_words(against)}"
+    return (
+        f"{metric} of {check['run']}{compared}: error {measured_error(check)}, "
+        f"limit {measured_error(check, 'limit')}"
+    )
+
+
+def verdict_sentence(entry: Mapping[str, Any]) -> str:
+    """Return what the checks of a case say, in one or two sentences made from their numbers."""
+    checks = [check for check in entry.get("checks") or [] if check.get("gate", True)]
+    if not checks:
+        return "No gated check was evaluated for this case."
+    passed = [check for check in checks if check.get("verdict") == "PASS"]
+    missing = [check for check in checks if check.get("verdict") == "MISSING"]
+    sentences = [f"{len(passed)} of {plural(len(checks), 'gated check')} within the limit."]
+    if missing:
+        sentences.append(f"Not evaluated: {listed(_short(check) for check in missing)}.")
+    worst = worst_check(checks)
+    if worst is not None:
+        used = percent(worst["margin_used"])
+        sentences.append(f"The tightest uses {used} of its limit ({check_in_words(worst)}).")
+    return " ".join(sentences)
+
+
+def _short(check: Mapping[str, Any]) -> str:
+    return f"{metric_in_words(str(check['metric'])).lower()} of {check['run']}"
+
+
+def runs_sentence(runs: Sequence[Any]) -> str:
+    """Return how the runs of a case ended, naming those without a usable end."""
+    ended = {"complete", "broken_through"}
+    bad = [run for run in runs if run.status not in ended]
+    if not runs:
+        return "No run is recorded for this case."
+    if not bad:
+        return f"{'All ' if len(runs) > 1 else ''}{plural(len(runs), 'run')} ended as intended."
+    said = (f"{run.name} ({STATUS_WORDS.get(run.status, run.status)})" for run in bad)
+    return f"{len(bad)} of {plural(len(runs), 'run')} did not end as intended: {listed(said)}."
+
+
+def overview_sentence(cases: Sequence[Mapping[str, Any]]) -> str:
+    """Return the count of verdicts over all cases."""
+    counts: dict[str, int] = {}
+    for case in cases:
+        verdict = str(case.get("verdict") or "MISSING")
+        counts[verdict] = counts.get(verdict, 0) + 1
+    told = listed(f"{count} {VERDICT_WORDS.get(v, v).lower()}" for v, count in sorted(counts.items()))
+    return f"{plural(len(cases), 'case')}: {told}." if cases else "The summary holds no case."
