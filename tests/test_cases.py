@@ -200,6 +200,13 @@ def test_sweeps_of_two_keys_take_every_combination() -> None:
     ]
 
 
+def test_sweeps_of_two_keys_with_one_last_word_are_labelled_in_full() -> None:
+    sweep = {"materials.steel.young": [200.0], "materials.foam.young": [1.0]}
+    foam = {"young": 1.0, "poisson": 0.0}
+    case = case_from_tables(toy(materials__foam=foam, runs__two={"solver": "fem", "sweep": sweep}))
+    assert case.expanded_runs()[-1] == "two[materials.steel.young=200,materials.foam.young=1]"
+
+
 def test_the_hash_follows_what_is_computed_and_nothing_else() -> None:
     hashes = [case_from_tables(toy(), run=run).hash() for run in ("fem", "mpm", "gmres")]
     assert len(set(hashes)) == 3 and all(re.fullmatch("[0-9a-f]{16}", value) for value in hashes)
@@ -268,6 +275,12 @@ def test_inside_of_a_holed_plate_with_an_inclusion() -> None:
     points = [[0, 0], [1, 1], [1.5, 1], [1.499, 1], [4, 2], [4.001, 2], [3, 1]]
     assert case.inside(points).tolist() == [0, 1, 0, 1, 0, -1, 0]
     assert np.array_equal(case.bounding_box(), [[0, 0], [4, 2]])
+
+
+def test_the_edge_of_a_polygonal_hole_belongs_to_the_body() -> None:
+    hole = {"polygon": {"points": [[1, 1], [2, 1], [1.5, 2]]}}
+    shape = Shape.model_validate({"difference": {"of": HOLED["difference"]["of"], "minus": [hole]}})
+    assert shape.contains([[1.5, 1], [1.5, 1.1], [1.5, 0.9]], 1e-9).tolist() == [True, False, True]
 
 
 def test_bounds_of_a_disc_are_exact() -> None:

@@ -40,6 +40,13 @@ def test_a_uniform_grid_needs_no_extra_cell() -> None:
     assert np.allclose(x, np.linspace(0, 1, 11), atol=1e-14) and np.array_equal(x, y)
 
 
+def test_rounding_adds_no_cell() -> None:
+    width = 0.1 * 3
+    assert width / 0.1 > 3
+    x, _ = grid_lines(case_of({"h": 0.1}, shape={"rectangle": {"lower": [0, 0], "upper": [width, 1]}}))
+    assert len(x) == 4
+
+
 def test_a_spacing_that_does_not_fit_is_made_smaller() -> None:
     x, _ = grid_lines(case_of({"h": 0.3}))
     assert np.allclose(np.diff(x), 0.25)
