@@ -17,7 +17,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.signal import savgol_filter
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
+from scipy.spatial import QhullError, cKDTree
 from skimage.morphology import skeletonize
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ Mask = NDArray[np.bool_]
 Field = Callable[[Array], Array]
 
 PIXELS_PER_CELL = 4
-SUPPORT = 1.5  # a pixel further from every point than this many of its spacings lies outside the bodies
+SUPPORT = 1.5  # farther from every point than a cell and this many of its spacings is outside the bodies
 EQUAL_SHARE = 0.2  # of the largest piece's area: pieces above it are rivals, the one nearest the start wins
 
 
@@ -52,12 +52,17 @@ NO_CRACK = CrackPath(np.empty((0, 2)), 0, 0)
 
 def crack_path(fields: Fields, case: Case) -> Array:
     """(k, 2) crack path of a state in reference coordinates, from the notch end where there is one notch."""
+    return trace_case_crack(fields.reference, fields.phase_field, case).points
+
+
+def trace_case_crack(points: ArrayLike, phase_field: ArrayLike, case: Case) -> CrackPath:
+    """``trace_crack`` with the cell size and, where there is one notch, the start that the case states."""
     start, notch = None, None
     if len(case.notches) == 1:
         only = case.notches[0]
         start = np.asarray(only.end, dtype=float)
         notch = np.array([only.start, only.end], dtype=float) if only.kind == "history" else None
-    return trace_crack(fields.reference, fields.phase_field, case.mesh.h, start=start, notch=notch).points
+    return trace_crack(points, phase_field, case.mesh.h, start=start, notch=notch)
 
 
 def trace_crack(
@@ -82,7 +87,7 @@ def trace_crack(
 
     The tip is where the field along the ridge has risen half-way from the crack's median to the threshold. A
     crack that runs through a body ends with its outermost points, up to a cell short of the edge. Of a
-    branched crack the longest path is returned. A broken spot without length counts as no crack.
+    branched crack the longest path is returned. A broken spot no longer than it is wide counts as no crack.
     """
     points, phase_field = _usable(points, phase_field)
     broken = phase_field < threshold
@@ -97,10 +102,10 @@ def trace_crack(
     mask = _main_piece(mask, raster, start)
     if not mask.any():
         return NO_CRACK
-    half_width = float(np.max(ndimage.distance_transform_edt(np.pad(mask, 1)))) * raster.pixel
     skeleton = _Skeleton(mask, raster)
-    path = skeleton.longest_path(start, reach + half_width)
-    if len(path) < 3:
+    path = skeleton.longest_path(start, reach)
+    half_width = float(np.median(skeleton.half_width[path]))
+    if path_length(skeleton.nodes[path]) < 2.0 * half_width:
         return NO_CRACK
     branches = skeleton.side_branches(path, half_width + 2.0 * h)
     polyline = _refine(skeleton.nodes[path], field, h, half_width, threshold)
@@ -140,7 +145,7 @@ def _rasterise(points: Array, phase_field: Array, broken: Mask, h: float) -> tup
     near = _boxes_near(points[broken], origin, box, shape * pixel)
 
     kept = _in_boxes(points, near, origin, box)
-    field = _interpolation(points[kept], phase_field[kept])
+    field = _interpolation(points[kept], phase_field[kept], h)
     raster = _Raster(origin, pixel, np.full(tuple(shape), np.nan))
     positions = raster.positions()
     inside = np.flatnonzero(_in_boxes(positions, near, origin, box))
@@ -164,18 +169,19 @@ def _in_boxes(positions: Array, near: Mask, origin: Array, box: float) -> Mask:
     return inside
 
 
-def _interpolation(points: Array, values: Array) -> Field:
+def _interpolation(points: Array, values: Array, h: float) -> Field:
     """Linear interpolation that is NaN outside the bodies: off the hull or far from any point."""
-    if len(points) < 4:
-        return lambda positions: np.full(len(positions), np.nan)
     centre = points.mean(axis=0)  # triangulated about the origin, for round-off
-    linear = LinearNDInterpolator(points - centre, values)
+    try:
+        linear = LinearNDInterpolator(points - centre, values)
+    except QhullError:  # too few points, or all on a line
+        return lambda positions: np.full(len(positions), np.nan)
     tree = cKDTree(points)
-    spacing = _spacing(tree, points)
+    support = np.maximum(SUPPORT * _spacing(tree, points), h)
 
     def field(positions: Array) -> Array:
         distance, nearest = tree.query(positions)
-        inside = distance <= SUPPORT * spacing[nearest]
+        inside = distance <= support[nearest]
         result = np.full(len(positions), np.nan)
         result[inside] = linear(positions[inside] - centre)
         return result
@@ -215,12 +221,16 @@ def _main_piece(mask: Mask, raster: _Raster, start: Array | None) -> Mask:
 
 
 class _Skeleton:
-    """The thinned mask as a graph of neighbouring pixels. nodes : (m, 2) their positions."""
+    """The thinned mask as a graph of neighbouring pixels.
+
+    nodes : (m, 2) positions of its pixels; half_width : (m,) distance from there to the rim of the mask.
+    """
 
     def __init__(self, mask: Mask, raster: _Raster) -> None:
         skeleton = skeletonize(np.pad(mask, 1))[1:-1, 1:-1]
         pixels = np.argwhere(skeleton)
         self.nodes = raster.positions(pixels)
+        self.half_width = raster.pixel * ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1][skeleton]
         number = np.full((mask.shape[0] + 2, mask.shape[1] + 2), -1)
         number[pixels[:, 0] + 1, pixels[:, 1] + 1] = np.arange(len(pixels))
         rows, columns, lengths = [], [], []
@@ -279,16 +289,15 @@ def _refine(path: Array, field: Field, h: float, half_width: float, threshold: f
     """Move the skeleton's path to the ridge of the field and end it at the crack's tips."""
     spacing = 0.5 * h
     length = path_length(path)
-    # the skeleton bends into corners, or stops short, within about its half width from its ends
-    cut = min(1.5 * half_width, length / 3.0)
-    core = resample(_smooth(resample(path, spacing)), spacing)
-    core = _shortened(core, cut, spacing)
-    extension = int(np.ceil((cut + 1.5 * half_width + 2.0 * h) / spacing))
-    line = _extended(core, extension, spacing, half_width)
     window = max(1.5 * h, 0.5 * half_width)
+    # the skeleton bends towards the rim, or stops short of the tip, within about twice its half width
+    cut = min(2.0 * half_width, length / 3.0)
+    core = _shortened(resample(_smooth(resample(path, spacing)), spacing), cut, spacing)
+    core = _smooth(_to_ridge(core, field, window, spacing))
+    extension = int(np.ceil((cut + 1.5 * half_width + 2.0 * h) / spacing))
+    line = _extended(core, extension, spacing, 2.0 * half_width)
     for _ in range(3):
-        line = _to_ridge(line, field, window)
-    line = _smooth(line)
+        line = _smooth(_to_ridge(line, field, window, spacing))
     values = field(line)
     first, last = extension, len(line) - 1 - extension
     level = 0.5 * (float(np.nanmedian(values[first : last + 1])) + threshold)
@@ -309,13 +318,14 @@ def _extended(line: Array, count: int, spacing: float, base: float) -> Array:
     return np.vstack([line[0] + steps[::-1] * backward, line, line[-1] + steps * forward])
 
 
-def _to_ridge(line: Array, field: Field, window: float) -> Array:
+def _to_ridge(line: Array, field: Field, window: float, spacing: float) -> Array:
     """Move each vertex along its normal to the vertex of a parabola fitted over plus and minus a window.
 
     The field has a cusp at the crack, which a symmetric window does not mind: its fit is centred when the
     window is.
     """
-    normal = _normals(line)
+    # normals that turn from vertex to vertex would let neighbours drift apart
+    normal = _normals(line, window / spacing)
     t = np.linspace(-window, window, 13)
     positions = line[:, None, :] + t[:, None] * normal[:, None, :]
     samples = field(positions.reshape(-1, 2)).reshape(len(line), len(t))
@@ -366,8 +376,9 @@ def _begin_at(line: Array, start: Array | None, reach: float) -> Array:
     return np.vstack([start, ahead[np.linalg.norm(ahead - start, axis=1) > 0]])
 
 
-def _normals(line: Array) -> Array:
-    tangent = np.gradient(ndimage.gaussian_filter1d(line, 2.0, axis=0, mode="nearest"), axis=0)
+def _normals(line: Array, vertices: float) -> Array:
+    """Unit normals, smoothed over a number of vertices."""
+    tangent = ndimage.gaussian_filter1d(np.gradient(line, axis=0), vertices, axis=0, mode="nearest")
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), np.finfo(float).tiny)
     return np.column_stack([-tangent[:, 1], tangent[:, 0]])
 
