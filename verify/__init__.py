@@ -1,1 +1,31 @@
-"""."""
+"""Running cases, judging results, comparing them; the command line.
+
+>>> from verify import load_case, run, compare
+>>> run(load_case("sen_tension", tier="quick"), "mpm").history  # doctest: +SKIP
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cases import load_case
+    from verify.run_folder import RunFolder, RunFolderError
+    from verify.running import run
+    from verify.summary import compare
+
+__all__ = ["RunFolder", "RunFolderError", "compare", "load_case", "run"]
+
+_HOMES = {
+    "RunFolder": "verify.run_folder",
+    "RunFolderError": "verify.run_folder",
+    "compare": "verify.summary",
+    "load_case": "cases",
+    "run": "verify.running",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: whoever needs only a curve should not wait for all libraries."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'verify' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

@@ -1,0 +1,41 @@
+# Bare `make` lists the targets. `make verify CASE=sen_shear TIER=paper` narrows a verification.
+
+PYTHON ?= python3
+CASE ?=
+TIER ?= standard
+OUT ?= reports/out
+BIN := .venv/bin
+
+.DEFAULT_GOAL := help
+.PHONY: help install verify test lint clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+install: .venv/installed ## make .venv and install the pinned dependencies and the project into it
+
+.venv/installed: constraints.txt pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make install PYTHON=python3.12")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+# A run that fails is judged too; only bad input (3) or anything unforeseen stops before the verdict.
+verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= quick | standard | paper
+	@$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT); ran=$$?; \
+	if [ $$ran -ne 0 ] && [ $$ran -ne 2 ]; then exit $$ran; fi; \
+	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); verdict=$$?; \
+	$(BIN)/verify report --out $(OUT) || exit $$?; \
+	if [ $$verdict -eq 0 ]; then exit $$ran; fi; exit $$verdict
+
+test: .venv/installed ## run the tests
+	$(BIN)/python -m pytest
+
+lint: .venv/installed ## style, types and the import contract
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+clean: ## remove the results, the virtual environment and all caches
+	rm -rf .venv $(OUT) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

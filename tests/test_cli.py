@@ -1,0 +1,195 @@
+"""The command line: exit codes, one sentence for a mistake, nothing computed twice."""
+
+import json
+from pathlib import Path
+
+import fake_solver
+import pytest
+
+from verify import cli
+from verify.run_folder import run_path
+
+
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_solver.install(monkeypatch, mpm_factor=1.02)
+
+
+def verify(*arguments: object) -> int:
+    """Exit code of the command line."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(argument) for argument in arguments])
+    assert isinstance(ended.value.code, int)
+    return ended.value.code
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> tuple[str, ...]:
+    return ("--tier", "quick", "--out", str(tmp_path / "out"))
+
+
+@pytest.mark.parametrize(
+    ("check", "code"),
+    [
+        (fake_solver.check("fem", 0.03), 0),
+        (fake_solver.check("fem", 0.01), 1),
+        (fake_solver.check("baseline"), 1),
+        (fake_solver.check("fem", 0.01, gate=False), 4),
+        ("", 4),
+    ],
+)
+def test_compare_exits_by_the_verdict(
+    tmp_path: Path, options: tuple[str, ...], check: str, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = fake_solver.write_case(tmp_path / "square", check)
+    assert verify("run", case, *options) == 0
+    assert verify("compare", case, *options) == code
+    verdict = json.loads((tmp_path / "out" / "summary.json").read_text())["cases"][0]["verdict"]
+    assert verdict in capsys.readouterr().out
+
+
+def test_a_run_that_does_not_converge_exits_2_and_says_what_was_saved(
+    tmp_path: Path,
+    options: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    fake_solver.install(monkeypatch, fake_solver.stopping_at(4))
+    case = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem"))
+    assert verify("run", case, *options) == 2
+    said = capsys.readouterr().out
+    assert "the smallest increment failed; the last good state is saved there" in said
+    assert verify("compare", case, *options) == 2
+    assert verify("run", case, *options) == 2, "up to date, and still not converged"
+
+
+def test_a_mistake_in_a_solver_is_a_failed_run_without_traceback(
+    tmp_path: Path,
+    options: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    fake_solver.install(monkeypatch, fake_solver.stopping_at(0, ZeroDivisionError("division by zero")))
+    assert verify("run", fake_solver.write_case(tmp_path / "square"), *options) == 2
+    captured = capsys.readouterr()
+    assert "ZeroDivisionError: division by zero" in captured.out
+    assert "Traceback" not in captured.out + captured.err
+
+
+def test_what_is_up_to_date_is_not_computed_again_unless_forced(
+    tmp_path: Path, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = fake_solver.write_case(tmp_path / "square")
+    assert verify("run", case, "--run", "fem", *options) == 0
+    assert "up to date" not in capsys.readouterr().out
+    assert verify("run", case, "--run", "fem", *options) == 0
+    assert "up to date" in capsys.readouterr().out
+    assert verify("run", case, "--run", "fem", "--force", *options) == 0
+    assert "up to date" not in capsys.readouterr().out
+
+
+def test_a_full_disk_is_one_sentence_and_exit_code_2(
+    tmp_path: Path,
+    options: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("verify.vtk_files.write_mesh", full)
+    case = fake_solver.write_case(tmp_path / "square")
+    assert verify("run", case, "--run", "fem", *options) == 2
+    assert "the disk is full" in capsys.readouterr().out
+    assert not run_path(tmp_path / "out", "square", "quick", "fem").exists()
+
+
+def test_an_interrupted_run_says_where_it_stopped(
+    tmp_path: Path,
+    options: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    fake_solver.install(monkeypatch, fake_solver.stopping_at(4, KeyboardInterrupt()))
+    assert verify("run", fake_solver.write_case(tmp_path / "square"), *options) == 2
+    assert "fem.partial" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "sen_tensoin"], "did you mean 'sen_tension'"),
+        (["run", "{case}", "--tier", "quik"], "'quik' is not a tier"),
+        (["run", "{case}", "--run", "mmp"], "did you mean 'mpm'"),
+        (["plan", "nowhere/case.toml"], "no such case file"),
+        (["compare", "{case}", "--out", "{out}"], "nothing has been run"),
+        (["report", "--out", "{out}"], "verify compare"),
+        (["accept", "{case}"], "--reason"),
+        (["accept", "{case}", "--reason", " ", "--out", "{out}"], "reason"),
+        (["run", "{case}", "--threads", "none"], "--threads"),
+        (["frobnicate"], "No such command"),
+    ],
+)
+def test_a_mistake_is_one_sentence_on_stderr_and_exit_code_3(
+    tmp_path: Path, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = fake_solver.write_case(tmp_path / "square")
+    filled = [argument.format(case=case, out=tmp_path / "out") for argument in arguments]
+    assert verify(*filled) == 3
+    captured = capsys.readouterr()
+    assert words in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+    assert captured.out == ""
+
+
+def test_a_damaged_run_is_missing_in_the_verdict_not_a_crash(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    case = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem"))
+    assert verify("run", case, *options) == 0
+    (run_path(tmp_path / "out", "square", "quick", "fem") / "run.json").write_text("{")
+    assert verify("compare", case, *options) == 1
+
+
+def test_compare_never_runs_a_solver(
+    tmp_path: Path, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem", 0.03))
+    assert verify("run", case, *options) == 0
+    fake_solver.install(monkeypatch, fake_solver.stopping_at(0, AssertionError("a solver ran")))
+    assert verify("compare", case, *options) == 0
+
+
+def test_accept_then_compare_is_within(tmp_path: Path, options: tuple[str, ...]) -> None:
+    case = fake_solver.write_case(tmp_path / "square", fake_solver.check("baseline"))
+    assert verify("run", case, *options) == 0
+    assert verify("accept", case, "--reason", "first values", *options) == 0
+    assert verify("compare", case, *options) == 0
+
+
+@pytest.mark.parametrize(
+    "command", ["list", "validate", "plan", "run", "compare", "report", "accept", "schema"]
+)
+def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert verify(command, "--help") == 0
+    assert f"verify {command}" in capsys.readouterr().out.split("Example")[1]
+
+
+def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert verify("schema") == 0
+    assert "properties" in json.loads(capsys.readouterr().out)
+
+
+def test_validate_reads_all_tiers_and_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem"))
+    assert verify("validate", case) == 0
+    assert "valid" in capsys.readouterr().out
+    case.write_text(case.read_text().replace("h = 0.2\n", "h = 0.4\n"))
+    assert verify("validate", case) == 3
+
+
+def test_plan_prints_sizes_before_anything_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / "square")
+    assert verify("plan", case, "--tier", "quick", "--run", "fem") == 0
+    said = capsys.readouterr().out
+    assert "25" in said and "72 of u, 36 of c" in said and "11 or more" in said

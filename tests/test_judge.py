@@ -1,0 +1,246 @@
+"""Verdicts: within, out of, missing; baselines change only by accepting."""
+
+import csv
+import json
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fake_solver
+import pytest
+
+from cases import Case, load_case
+from verify import compare
+from verify.atomic import WriteError
+from verify.judge import JudgeError, accept, error_of, judge_case, read_baseline
+from verify.run_folder import partial_folder, run_path
+from verify.running import run
+from verify.summary import exit_code, summarise, write_summary
+
+OUT = "out"
+
+
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The MPM's stand-in is two per cent stiffer than the FEM's."""
+    fake_solver.install(monkeypatch, mpm_factor=1.02)
+
+
+def made(folder: Path, *checks: str, runs: tuple[str, ...] = ("fem", "mpm")) -> tuple[Case, Path]:
+    """A case with checks whose runs are done."""
+    path = fake_solver.write_case(folder / "square", *checks)
+    for name in runs:
+        run(path, name, "quick", folder / OUT)
+    return load_case(path, "quick"), folder / OUT
+
+
+@pytest.mark.parametrize(
+    ("against", "limit", "verdict", "error"),
+    [
+        ("fem", 0.03, "PASS", 0.02),
+        ("fem", 0.01, "FAIL", 0.02),
+        ("value:0.51", 1e-9, "PASS", 0.0),
+        ("value:0.6", 0.1, "FAIL", 0.15),
+        ("value:-0.51", 1.0, "FAIL", 2.0),
+    ],
+)
+def test_a_value_is_held_against_its_target(
+    tmp_path: Path, against: str, limit: float, verdict: str, error: float
+) -> None:
+    judged = judge_case(*made(tmp_path, fake_solver.check(against, limit)))
+    (result,) = judged.checks
+    assert (result.verdict, judged.verdict) == (verdict, verdict)
+    assert result.value == pytest.approx(0.51)
+    assert result.error == pytest.approx(error, abs=1e-12)
+    assert result.margin_used == pytest.approx(error / limit, abs=1e-2)
+
+
+def test_a_reference_brings_its_value_and_source(tmp_path: Path) -> None:
+    reference = """
+[references.paper]
+kind = "table"
+source = "Somebody (2010)"
+values = { peak_force = 0.5 }
+"""
+    judged = judge_case(*made(tmp_path, fake_solver.check("reference:paper", 0.03), reference))
+    (result,) = judged.checks
+    assert (result.verdict, result.target, result.source) == ("PASS", 0.5, "Somebody (2010)")
+
+
+def test_a_relative_error_of_zero_target_is_never_within() -> None:
+    assert error_of(1e-12, 0.0, "relative") == math.inf
+    assert error_of(0.0, 0.0, "relative") == 0.0
+    assert error_of(-0.5, 0.25, "absolute") == 0.75
+    assert error_of(-0.5, None, "relative") == 0.5
+
+
+def test_a_check_without_gate_is_shown_and_not_gated(tmp_path: Path) -> None:
+    judged = judge_case(*made(tmp_path, fake_solver.check("fem", 0.001, gate=False)))
+    assert [result.verdict for result in judged.checks] == ["INFO"]
+    assert judged.verdict == "NOT_CHECKED"
+
+
+def test_a_case_without_checks_is_not_checked(tmp_path: Path) -> None:
+    assert judge_case(*made(tmp_path)).verdict == "NOT_CHECKED"
+
+
+def test_a_missing_baseline_is_missing_and_fails_until_accepted(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline", 1e-6))
+    assert judge_case(case, out).verdict == "MISSING"
+    assert exit_code({"cases": [compare(case, out=out)]}) == 1
+    accept(case, "first values", out)
+    assert judge_case(case, out).verdict == "PASS"
+    row = read_baseline(case)[0]
+    assert (row.tier, row.run, row.metric, row.reason) == ("quick", "mpm", "peak_force", "first values")
+    assert row.value == pytest.approx(0.51)
+
+
+def test_a_changed_result_fails_against_the_baseline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline", 1e-3))
+    accept(case, "first values", out)
+    fake_solver.install(monkeypatch, mpm_factor=1.03)
+    run(case, "mpm", out=out, force=True)
+    assert judge_case(case, out).verdict == "FAIL"
+
+
+def test_accepting_keeps_the_other_tiers(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline", 1e-6))
+    accept(case, "first values", out)
+    run(case, "mpm", "standard", out)
+    accept(load_case(case.source, "standard"), "other tier, with a comma", out)
+    assert [(row.tier, row.reason) for row in read_baseline(case)] == [
+        ("quick", "first values"),
+        ("standard", "other tier, with a comma"),
+    ]
+
+
+@pytest.mark.parametrize("reason", ["", "  \n "])
+def test_nothing_is_accepted_without_a_reason(tmp_path: Path, reason: str) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline"))
+    with pytest.raises(JudgeError, match="reason"):
+        accept(case, reason, out)
+    assert not (case.folder / "baseline.csv").exists()
+
+
+def test_nothing_is_accepted_from_a_run_that_did_not_end_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline"), runs=())
+    with pytest.raises(JudgeError, match="missing"):
+        accept(case, "no run", out)
+    fake_solver.install(monkeypatch, fake_solver.stopping_at(4))
+    run(case, "mpm", out=out)
+    with pytest.raises(JudgeError, match="no_convergence"):
+        accept(case, "bad run", out)
+
+
+def test_a_full_disk_leaves_the_old_baseline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline"))
+    accept(case, "first values", out)
+    before = (case.folder / "baseline.csv").read_text()
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(WriteError, match="disk is full"):
+        accept(case, "second values", out)
+    assert (case.folder / "baseline.csv").read_text() == before
+
+
+@pytest.mark.parametrize(
+    "damage", ["tier,run\nquick,mpm\n", "quick,mpm,peak_force,many,kN,r,v,d\n", "quick,mpm,peak_force,0.5\n"]
+)
+def test_a_damaged_baseline_is_one_sentence(tmp_path: Path, damage: str) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline"), runs=("mpm",))
+    header = "" if damage.startswith("tier") else "tier,run,metric,value,unit,reason,version,date\n"
+    (case.folder / "baseline.csv").write_text(header + damage)
+    with pytest.raises(JudgeError, match=r"baseline\.csv"):
+        judge_case(case, out)
+
+
+def test_an_unknown_metric_names_the_nearest(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("fem").replace("peak_force", "peek_force"), runs=())
+    with pytest.raises(JudgeError, match=r"checks\[0\]\.metric: 'peek_force' .* 'peak_force'"):
+        judge_case(case, out)
+
+
+@pytest.mark.parametrize(
+    "increments", [fake_solver.stopping_at(4), fake_solver.stopping_at(4, ValueError("no"))]
+)
+def test_a_failed_run_outweighs_everything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, increments: object
+) -> None:
+    fake_solver.install(monkeypatch, increments)
+    case, out = made(tmp_path, fake_solver.check("fem"))
+    judged = judge_case(case, out)
+    assert judged.verdict == "RUN_FAILED"
+    assert [result.verdict for result in judged.checks] == ["MISSING"]
+    assert exit_code({"cases": [compare(case, out=out)]}) == 2
+
+
+def test_a_run_of_another_case_file_is_not_judged(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("fem", 0.03))
+    case.source.write_text(case.source.read_text().replace("young = 210.0", "young = 200.0"))
+    judged = judge_case(load_case(case.source, "quick"), out)
+    assert {state.status for state in judged.runs.values()} == {"changed"}
+    assert judged.verdict == "MISSING"
+
+
+def test_a_changed_limit_judges_the_same_runs_anew(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("fem", 0.03))
+    case.source.write_text(case.source.read_text().replace("limit = 0.03", "limit = 0.01"))
+    assert judge_case(load_case(case.source, "quick"), out).verdict == "FAIL"
+
+
+def test_half_a_run_is_never_judged(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("fem", 0.03))
+    folder = run_path(out, case.name, case.tier, "mpm")
+    folder.rename(partial_folder(folder))
+    judged = judge_case(case, out)
+    assert judged.runs["mpm"].status == "unfinished"
+    assert judged.verdict == "MISSING"
+
+
+def test_a_history_with_nan_fails_its_checks(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("fem", 0.03))
+    history = run_path(out, case.name, case.tier, "mpm") / "history.csv"
+    lines = history.read_text().splitlines()
+    cells = lines[4].split(",")
+    lines[4] = ",".join([*cells[:3], "nan", *cells[4:]])
+    history.write_text("\n".join(lines) + "\n")
+    judged = judge_case(case, out)
+    assert judged.verdict == "FAIL"
+    assert "NaN" in judged.checks[0].note
+
+
+def test_summary_and_its_views_tell_the_same(tmp_path: Path) -> None:
+    checks = [fake_solver.check("fem", 0.03), fake_solver.check("fem", 0.01), fake_solver.check("baseline")]
+    case, out = made(tmp_path, *checks, fake_solver.check("value:1.0", gate=False))
+    write_summary(summarise([case], "quick", out), out)
+    summary = json.loads((out / "summary.json").read_text())
+    (entry,) = summary["cases"]
+    verdicts = [check["verdict"] for check in entry["checks"]]
+    assert verdicts == ["PASS", "FAIL", "MISSING", "INFO"]
+    with (out / "summary.csv").open(newline="") as file:
+        assert [row["verdict"] for row in csv.DictReader(file)] == verdicts
+    suite = ElementTree.parse(out / "junit.xml").getroot()[0]
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("6", "2", "0")
+    page = (out / "summary.md").read_text()
+    assert "| square | FAIL | 1 of 3 |" in page
+    assert "MISSING: peak_force of mpm against baseline" in page
+    assert (out / entry["curves"][0]["file"]).is_file()
+    assert entry["curves"][0]["l2_percent_whole"] == pytest.approx(2.0)
+    assert (out / entry["runs"]["mpm"]["folder"] / "run.json").is_file()
+
+
+def test_the_exit_code_is_that_of_the_worst_case() -> None:
+    def code(*verdicts: str) -> int:
+        return exit_code({"cases": [{"verdict": verdict} for verdict in verdicts]})
+
+    assert code("PASS", "PASS") == 0
+    assert code("PASS", "MISSING") == 1
+    assert code("FAIL", "NOT_CHECKED") == 1
+    assert code("FAIL", "RUN_FAILED", "PASS") == 2
+    assert code("PASS", "NOT_CHECKED") == 4
+    assert code() == 4

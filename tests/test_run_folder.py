@@ -1,0 +1,254 @@
+"""Run folders: complete or refused."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fake_solver
+import numpy as np
+import pytest
+
+from verify import running
+from verify.atomic import WriteError, superseded, write_text
+from verify.run_folder import RunFolder, RunFolderError, RunWriter, partial_folder, run_path
+from verify.running import InterruptedRunError, run
+
+
+@pytest.fixture
+def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    fake_solver.install(monkeypatch)
+    return fake_solver.write_case(tmp_path / "square")
+
+
+def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) -> None:
+    seen = []
+    done = run(case_file, "mpm", "quick", tmp_path, seen.append)
+    assert done.folder == run_path(tmp_path, "square", "quick", "mpm")
+    assert done.info["status"] == "complete"
+    assert len(seen) == len(done.history) == done.info["increments"] == 11
+    assert done.history["F"].max() == pytest.approx(0.5)
+    assert not partial_folder(done.folder).exists()
+    assert done.case.hash() == done.info["case_hash"]
+    solver = fake_solver.FakeSolver(done.case)
+    solver.u = 0.01
+    expected, fields = solver.fields(), done.fields()
+    for name in vars(expected):
+        np.testing.assert_allclose(getattr(fields, name), getattr(expected, name), atol=1e-15, err_msg=name)
+    assert done.points().point_data["hydrostatic_stress"] == pytest.approx(2.0)
+    assert done.points().celltypes.tolist() == [1] * 4
+    assert set(done.checkpoint) >= {"u", "step", "phase_field"}
+    assert done.checkpoint["u"] == 0.01
+
+
+def test_fields_are_written_where_asked_and_at_the_end(case_file: Path, tmp_path: Path) -> None:
+    done = run(case_file, "fem", "quick", tmp_path)
+    snapshots = list(done.snapshots())
+    assert [round(snapshot.u, 6) for snapshot in snapshots] == [0.004, 0.006, 0.01]
+    assert done.grid(0.0061)["phase_field"] == pytest.approx(0.4)
+    for name in ("points.pvd", "grid.pvd"):
+        text = (done.folder / name).read_text()
+        assert text.count("<DataSet") == 3
+    import pyvista
+
+    reader = pyvista.get_reader(done.folder / "points.pvd")
+    assert reader.time_values == pytest.approx([0.004, 0.006, 0.01])
+    assert reader.read()[0].n_points == 4
+
+
+def test_no_convergence_keeps_the_last_good_state(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(4))
+    done = run(case_file, "fem", "quick", tmp_path)
+    assert (done.info["status"], done.good) == ("no_convergence", False)
+    assert done.info["reason"] == "the smallest increment failed"
+    assert done.history["step"].tolist() == [0, 1, 2, 3, 4]
+    assert done.checkpoint["step"] == 4
+    assert [snapshot.step for snapshot in done.snapshots()] == [4]
+
+
+def test_a_solver_that_raises_leaves_a_failed_run_with_its_reason(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        running, "solver_increments", fake_solver.stopping_at(2, ValueError("singular\nmatrix"))
+    )
+    done = run(case_file, "fem", "quick", tmp_path)
+    assert done.info["status"] == "failed"
+    assert done.info["reason"] == "ValueError: singular matrix"
+    assert "singular" in (done.folder / "traceback.txt").read_text()
+
+
+def test_an_unchanged_run_is_not_computed_again(case_file: Path, tmp_path: Path) -> None:
+    calls: list[object] = []
+    for force, expected in ((False, 11), (False, 11), (True, 22)):
+        run(case_file, "fem", "quick", tmp_path, calls.append, force=force)
+        assert len(calls) == expected
+    case_file.write_text(case_file.read_text().replace("young = 210.0", "young = 211.0"))
+    run(case_file, "fem", "quick", tmp_path, calls.append)
+    assert len(calls) == 33
+
+
+def test_an_interrupted_run_says_where_it_stopped_and_spares_the_older_one(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = run(case_file, "fem", "quick", tmp_path)
+    monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(3, KeyboardInterrupt()))
+    with pytest.raises(InterruptedRunError, match=r"fem\.partial"):
+        run(case_file, "fem", "quick", tmp_path, force=True)
+    partial = partial_folder(old.folder)
+    assert len((partial / "history.csv").read_text().splitlines()) == 1 + 4
+    assert len(RunFolder(old.folder).history) == 11
+    with pytest.raises(RunFolderError, match="not finished"):
+        RunFolder(partial)
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+import fake_solver
+from verify import running
+from verify import run_folder
+running.SOLVERS["fem"] = fake_solver.FakeSolver
+def increments(solver, case):
+    for increment in fake_solver.fake_increments(solver, case):
+        yield increment
+        if increment.step == {step}:
+            os._exit(9)
+running.solver_increments = increments
+if {last_moment}:
+    run_folder.replace_folder = lambda new, folder: os._exit(9)
+running.run(Path({case!r}), "fem", "quick", Path({out!r}), force=True)
+"""
+
+
+def _start_and_kill(case_file: Path, out: Path, step: int, last_moment: bool) -> "subprocess.Popen[bytes]":
+    tests = str(Path(__file__).parent)
+    code = KILLED.format(tests=tests, step=step, last_moment=last_moment, case=str(case_file), out=str(out))
+    return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
+
+
+def test_a_killed_run_is_never_taken_for_a_whole_one(case_file: Path, tmp_path: Path) -> None:
+    old = run(case_file, "fem", "quick", tmp_path / "renaming")
+    killed = [
+        _start_and_kill(case_file, tmp_path / "midway", step=5, last_moment=False),
+        _start_and_kill(case_file, tmp_path / "renaming", step=99, last_moment=True),
+    ]
+    for process in killed:
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode == 9, errors.decode()
+    assert partial_folder(old.folder).is_dir()
+    assert len(RunFolder(old.folder).history) == 11
+    midway = run_path(tmp_path / "midway", "square", "quick", "fem")
+    assert len((partial_folder(midway) / "history.csv").read_text().splitlines()) == 1 + 6
+    with pytest.raises(RunFolderError, match="not finished"):
+        RunFolder(midway)
+    assert run(case_file, "fem", "quick", tmp_path / "midway").good
+
+
+def test_a_kill_between_the_two_renames_gives_the_older_run_back(case_file: Path, tmp_path: Path) -> None:
+    old = run(case_file, "fem", "quick", tmp_path)
+    os.replace(old.folder, superseded(old.folder))
+    assert len(RunFolder(old.folder).history) == 11
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EACCES])
+def test_a_refusing_disk_is_one_sentence_and_the_older_run_stays(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    old = run(case_file, "fem", "quick", tmp_path)
+
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(RunWriter, "_write_row", refuse)
+    with pytest.raises(WriteError) as caught:
+        run(case_file, "fem", "quick", tmp_path, force=True)
+    assert ("disk is full" if number == errno.ENOSPC else "no permission") in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(RunFolder(old.folder).history) == 11
+
+
+def test_a_disk_that_fills_up_under_a_file_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "summary.json"
+    write_text(path, "old")
+
+    def full(self: Path, *_: object, **__: object) -> None:
+        self.open("w").write("hal")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(WriteError, match="disk is full"):
+        write_text(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+
+
+def _without_last_line(path: Path) -> None:
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
+
+
+@pytest.mark.parametrize(
+    ("file", "damage", "read"),
+    [
+        ("run.json", Path.unlink, "info"),
+        ("run.json", _cut, "info"),
+        ("history.csv", Path.unlink, "history"),
+        ("history.csv", _without_last_line, "history"),
+        ("checkpoint.npz", _cut, "checkpoint"),
+        ("crack_path.csv", Path.unlink, "crack_path"),
+        ("fields/index.csv", Path.unlink, "index"),
+    ],
+)
+def test_a_damaged_folder_is_refused_in_one_sentence(
+    case_file: Path, tmp_path: Path, file: str, damage: object, read: str
+) -> None:
+    folder = run(case_file, "fem", "quick", tmp_path).folder
+    damage(folder / file)  # type: ignore[operator]
+    with pytest.raises(RunFolderError, match=Path(file).name) as caught:
+        getattr(RunFolder(folder), read)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_status_is_refused(case_file: Path, tmp_path: Path) -> None:
+    folder = run(case_file, "fem", "quick", tmp_path).folder
+    info = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(info | {"status": "running"}))
+    with pytest.raises(RunFolderError, match="status 'running'"):
+        RunFolder(folder)
+
+
+def test_pickled_arrays_are_refused(case_file: Path, tmp_path: Path) -> None:
+    folder = run(case_file, "fem", "quick", tmp_path).folder
+    np.savez(folder / "checkpoint.npz", u=np.array([{"an": "object"}], dtype=object))
+    with pytest.raises(RunFolderError, match="checkpoint"):
+        RunFolder(folder).checkpoint  # noqa: B018
+
+
+def test_a_missing_run_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(RunFolderError, match="no such run"):
+        RunFolder(tmp_path / "nothing")
+
+
+def test_a_second_writer_is_refused_while_the_first_lives(tmp_path: Path) -> None:
+    import psutil
+
+    partial = partial_folder(tmp_path / "fem")
+    partial.mkdir()
+    parent = psutil.Process(os.getppid())
+    (partial / "writer.json").write_text(json.dumps({"process": parent.pid, "started": parent.create_time()}))
+    with pytest.raises(WriteError, match="is writing this run now"), RunWriter(tmp_path / "fem"):
+        pass
+    (partial / "writer.json").write_text(json.dumps({"process": parent.pid, "started": 0.0}))
+    with RunWriter(tmp_path / "fem"):
+        assert not (tmp_path / "fem").exists()

@@ -1,0 +1,91 @@
+"""How a run tells where it is: a bar with the time left on a terminal, now and then a line elsewhere."""
+
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+if TYPE_CHECKING:
+    from numerics.quasi_static import Increment
+
+
+class ProgressView(Protocol):
+    """A listener to increments that is open as long as the run goes on."""
+
+    def __enter__(self) -> "ProgressView": ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+    def __call__(self, increment: "Increment") -> None: ...
+
+
+class Bar:
+    """Progress bar over the share of the load path that is done; its time left assumes an even pace."""
+
+    def __init__(self, title: str, console: Console) -> None:
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[state]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        self._progress = Progress(*columns, console=console)
+        self._task = self._progress.add_task(title, total=1.0, state="")
+
+    def __enter__(self) -> "Bar":
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def __call__(self, increment: "Increment") -> None:
+        self._progress.update(self._task, completed=increment.share, state=_state(increment))
+
+
+class Lines:
+    """One plain line every ``interval`` seconds at most, for logs."""
+
+    def __init__(self, title: str, console: Console, interval: float = 5.0) -> None:
+        self._title, self._console, self._interval = title, console, interval
+        self._started = self._said_at = time.monotonic()
+
+    def __enter__(self) -> "Lines":
+        self._say("started")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._say(f"ended after {time.monotonic() - self._started:.1f} s")
+
+    def __call__(self, increment: "Increment") -> None:
+        now = time.monotonic()
+        if now - self._said_at < self._interval:
+            return
+        self._said_at = now
+        left = (now - self._started) * (1.0 / increment.share - 1.0) if increment.share > 0 else float("nan")
+        self._say(f"{100 * increment.share:5.1f} %  {_state(increment)}  about {left:.0f} s left")
+
+    def _say(self, text: str) -> None:
+        self._console.print(f"{self._title}: {text}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _state(increment: "Increment") -> str:
+    return f"step {increment.step} u={increment.u:.5g} F={increment.F:.5g} c_min={increment.c_min:.2f}"
+
+
+def progress_view(title: str, console: Console) -> ProgressView:
+    """A bar when ``console`` is a terminal, lines otherwise."""
+    return Bar(title, console) if console.is_terminal else Lines(title, console)

@@ -1,0 +1,397 @@
+"""Run folders: what one run of one case leaves behind, written so that half a run is never taken for one.
+
+Layout of ``<out>/runs/<case>/<tier>/<run>/``::
+
+    run.json         what ran, on what, how it ended, how much it took
+    history.csv      one row for each converged increment, the unloaded state first
+    crack_path.csv   polyline x, y in reference coordinates (header only when nothing broke)
+    fields/          index.csv, points_0000.vtu (vertex cells), grid_0000.vtu
+    points.pvd, grid.pvd
+    checkpoint.npz   the last good state
+
+While a run goes on its folder is called ``<run>.partial``.
+"""
+
+import csv
+import json
+import os
+import re
+import shutil
+import time
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import fields as dataclass_fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TextIO
+
+import numpy as np
+import pandas as pd
+import psutil
+
+from verify.atomic import WriteError, replace_folder, restore_folder, write_file, write_text, writing
+
+if TYPE_CHECKING:
+    import pyvista
+
+    from cases import Case
+    from numerics.costs import Costs
+    from numerics.fields import Fields
+    from numerics.quasi_static import Increment
+
+HISTORY_COLUMNS = (
+    "step", "time", "u", "F", "E_el", "E_frac", "E_kin", "W_ext", "c_min", "staggered", "newton", "seconds",
+)  # fmt: skip
+INDEX_COLUMNS = ("snapshot", "step", "u", "points_file", "grid_file")
+REQUIRED_INFO = (
+    "case",
+    "tier",
+    "run",
+    "solver",
+    "status",
+    "reason",
+    "case_hash",
+    "code_version",
+    "increments",
+)
+GOOD_STATUSES = ("complete", "broken_through")
+STATUSES = (*GOOD_STATUSES, "no_convergence", "failed")
+
+__all__ = ["RunFolder", "RunFolderError", "RunWriter", "Snapshot", "WriteError", "partial_folder", "run_path"]
+
+
+class RunFolderError(Exception):
+    """A run folder is missing, unfinished or damaged; its text is one sentence with path and remedy."""
+
+
+class Snapshot(NamedTuple):
+    """Fields written at one displacement: load parameter, step, points as a pyvista mesh."""
+
+    u: float
+    step: int
+    points: "pyvista.UnstructuredGrid"
+
+
+class Discretisation(Protocol):
+    """What a run needs from a solver besides its increments."""
+
+    costs: "Costs"
+
+    def fields(self) -> "Fields": ...
+
+    def measures(self) -> dict[str, float]: ...
+
+
+def run_path(out: Path, case: str, tier: str, run: str) -> Path:
+    """Folder of a finished run under the output folder ``out``."""
+    # the label of a sweep may hold a path
+    return out / "runs" / case / tier / re.sub(r"[/\\\\:]", "_", run)
+
+
+def partial_folder(folder: Path) -> Path:
+    """Folder of the same run while it is not finished."""
+    return folder.with_name(folder.name + ".partial")
+
+
+# ---------------------------------------------------------------------------------------------- writing
+
+
+class RunWriter:
+    """Listens to the increments of a run and writes its folder; use as ``with RunWriter(...) as writer``.
+
+    Parameters
+    ----------
+    folder : final place of the run; everything goes to ``<folder>.partial`` until `finish`.
+    snapshots : displacements at which fields are written, besides the last state.
+
+    Raises
+    ------
+    WriteError : disk full, no permission, or another process writes the same run.
+    """
+
+    checkpoint_interval = (
+        60.0  # seconds between two savings of the state: a quarter of a million points take 0.1 s
+    )
+
+    def __init__(self, folder: Path, snapshots: Sequence[float] = ()) -> None:
+        self.folder = folder
+        self.partial = partial_folder(folder)
+        self._pending = list(snapshots)
+        self._last: tuple[int, float] | None = None  # step and u of the last increment
+        self._rows = 0
+        self._index: list[tuple[int, int, float, str, str]] = []
+        self._saved_at = time.monotonic()
+        self._history: TextIO
+
+    def __enter__(self) -> "RunWriter":
+        self._refuse_a_second_writer()
+        with writing(self.partial):
+            if self.partial.exists():
+                shutil.rmtree(self.partial)
+            (self.partial / "fields").mkdir(parents=True)
+            write_text(self.partial / "writer.json", json.dumps(_this_process()))
+            self._history = (self.partial / "history.csv").open("w", encoding="utf-8", newline="")
+            self._write_row(HISTORY_COLUMNS)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._history.close()
+
+    def _refuse_a_second_writer(self) -> None:
+        """Two processes in one folder would mix two runs."""
+        try:
+            writer = json.loads((self.partial / "writer.json").read_text(encoding="utf-8"))
+            started = psutil.Process(writer["process"]).create_time()
+        except (OSError, ValueError, KeyError, psutil.Error):
+            return
+        if writer["process"] != os.getpid() and abs(started - writer["started"]) < 1.0:
+            raise WriteError(
+                f"{self.partial}: process {writer['process']} is writing this run now; "
+                "wait for it or choose another place with --out."
+            )
+
+    def _write_row(self, values: tuple[object, ...]) -> None:
+        """Flushed at once, so that a killed run still shows how far it came."""
+        csv.writer(self._history, lineterminator="\n").writerow(values)
+        self._history.flush()
+
+    def increment(self, increment: "Increment", discretisation: Discretisation) -> None:
+        """Append a good increment to the history; write fields and the checkpoint when they are due."""
+        before = self._last[1] if self._last else increment.u
+        with writing(self.partial / "history.csv"):
+            self._write_row(_history_row(increment))
+        self._last = (increment.step, increment.u)
+        self._rows += 1
+        if self._snapshot_due(before, increment.u):
+            self._write_snapshot(discretisation.fields())
+        if time.monotonic() - self._saved_at > self.checkpoint_interval:
+            self._write_checkpoint(discretisation.fields())
+
+    def _snapshot_due(self, before: float, now: float) -> bool:
+        """True at the first increment that reaches or passes a wanted displacement."""
+        slack = 1e-9 * max(abs(before), abs(now))
+        low, high = min(before, now) - slack, max(before, now) + slack
+        reached = [u for u in self._pending if low <= u <= high]
+        self._pending = [u for u in self._pending if u not in reached]
+        return bool(reached)
+
+    def _write_snapshot(self, fields: "Fields") -> None:
+        from verify.vtk_files import grid_mesh, points_mesh, write_mesh
+
+        assert self._last is not None
+        number = len(self._index)
+        points_file, grid_file = f"fields/points_{number:04d}.vtu", f"fields/grid_{number:04d}.vtu"
+        write_file(self.partial / points_file, lambda path: write_mesh(points_mesh(fields), path))
+        write_file(self.partial / grid_file, lambda path: write_mesh(grid_mesh(fields), path))
+        self._index.append((number, *self._last, points_file, grid_file))
+        self._write_indices()
+
+    def _write_indices(self) -> None:
+        from verify.vtk_files import pvd_text
+
+        table = pd.DataFrame(self._index, columns=list(INDEX_COLUMNS))
+        write_text(self.partial / "fields" / "index.csv", table.to_csv(index=False, lineterminator="\n"))
+        # ParaView wants times that grow, which displacements of a cyclic load do not.
+        times = table["u"] if table["u"].is_monotonic_increasing and table["u"].is_unique else table["step"]
+        for name in ("points", "grid"):
+            text = pvd_text([float(value) for value in times], table[f"{name}_file"].tolist())
+            write_text(self.partial / f"{name}.pvd", text)
+
+    def _write_checkpoint(self, fields: "Fields") -> None:
+        assert self._last is not None
+        arrays = {field.name: np.asarray(getattr(fields, field.name)) for field in dataclass_fields(fields)}
+
+        def save(path: Path) -> None:
+            np.savez(path, step=self._last[0], u=self._last[1], **arrays)  # type: ignore[index, arg-type]
+
+        write_file(self.partial / "checkpoint.npz", save)
+        self._saved_at = time.monotonic()
+
+    def last_state(self, discretisation: Discretisation) -> "Fields | None":
+        """Write and return the last good state as the last snapshot and as the checkpoint."""
+        if self._last is None:
+            return None
+        fields = discretisation.fields()
+        if not self._index or self._index[-1][1] != self._last[0]:
+            self._write_snapshot(fields)
+        self._write_checkpoint(fields)
+        return fields
+
+    def finish(self, info: dict[str, Any], crack_path: np.ndarray) -> None:
+        """Write what is known at the end only, and give the folder its final name.
+
+        Parameters
+        ----------
+        info : contents of run.json.
+        crack_path : (n, 2) polyline in reference coordinates [case length unit]; n = 0 when nothing broke.
+        """
+        self._history.close()
+        write_text(self.partial / "crack_path.csv", _crack_path_text(crack_path))
+        if not self._index:
+            self._write_indices()
+        write_text(self.partial / "run.json", json.dumps(info | {"increments": self._rows}, indent=2) + "\n")
+        (self.partial / "writer.json").unlink(missing_ok=True)
+        replace_folder(self.partial, self.folder)
+
+
+def _this_process() -> dict[str, float]:
+    return {"process": os.getpid(), "started": psutil.Process().create_time()}
+
+
+def _history_row(increment: "Increment") -> tuple[object, ...]:
+    """Quasi-static increments have no kinetic energy, and the share of the load path for their time."""
+    return (
+        increment.step,
+        float(getattr(increment, "time", increment.share)),
+        float(increment.u),
+        float(increment.F),
+        float(increment.elastic_energy),
+        float(increment.fracture_energy),
+        float(getattr(increment, "kinetic_energy", 0.0)),
+        float(increment.external_work),
+        float(increment.c_min),
+        increment.staggered,
+        increment.newton,
+        round(float(increment.seconds), 6),
+    )
+
+
+def _crack_path_text(crack_path: np.ndarray) -> str:
+    table = pd.DataFrame(np.asarray(crack_path, dtype=float).reshape(-1, 2), columns=["x", "y"])
+    return table.to_csv(index=False, lineterminator="\n")
+
+
+# ---------------------------------------------------------------------------------------------- reading
+
+
+class RunFolder:
+    """A finished run, read only when asked for.
+
+    Raises
+    ------
+    RunFolderError : the run is missing, unfinished or damaged.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+        restore_folder(self.folder)
+        if not self.folder.is_dir():
+            raise RunFolderError(self._why_missing())
+        if self.folder.name.endswith(".partial"):
+            raise RunFolderError(f"{self.folder}: this run is not finished; let it finish or run it again.")
+        self.info: dict[str, Any] = self._read_info()
+
+    def _why_missing(self) -> str:
+        if partial_folder(self.folder).exists():
+            return (
+                f"{self.folder}: this run is not finished (there is only a .partial folder); "
+                "let it finish or run it again with `verify run`."
+            )
+        return f"{self.folder}: there is no such run; compute it with `verify run`."
+
+    def _damaged(self, file: str, what: str) -> RunFolderError:
+        return RunFolderError(f"{self.folder / file}: {what}; run it again with `verify run --force`.")
+
+    def _read_info(self) -> dict[str, Any]:
+        try:
+            info = json.loads((self.folder / "run.json").read_text(encoding="utf-8"))
+        except OSError as error:
+            raise self._damaged("run.json", "is missing or unreadable") from error
+        except ValueError as error:
+            raise self._damaged("run.json", "is not valid JSON") from error
+        missing = (
+            [key for key in REQUIRED_INFO if key not in info] if isinstance(info, dict) else ["all keys"]
+        )
+        if missing:
+            raise self._damaged("run.json", f"lacks {', '.join(missing)}")
+        if info["status"] not in STATUSES:
+            raise self._damaged("run.json", f"has the unknown status {info['status']!r}")
+        return info
+
+    def _table(self, file: str, columns: tuple[str, ...]) -> pd.DataFrame:
+        try:
+            table = pd.read_csv(self.folder / file)
+        except OSError as error:
+            raise self._damaged(file, "is missing or unreadable") from error
+        except ValueError as error:  # pandas' parser errors, wrong encodings
+            raise self._damaged(file, "is not a readable table") from error
+        if tuple(table.columns) != columns:
+            raise self._damaged(file, f"has not the columns {', '.join(columns)}")
+        return table
+
+    @property
+    def good(self) -> bool:
+        """True when the run went to its end or broke the specimen through."""
+        return self.info["status"] in GOOD_STATUSES
+
+    @cached_property
+    def history(self) -> pd.DataFrame:
+        """One row for each increment, columns `HISTORY_COLUMNS` in case units."""
+        table = self._table("history.csv", HISTORY_COLUMNS)
+        if len(table) != self.info["increments"]:
+            raise self._damaged("history.csv", f"has {len(table)} of {self.info['increments']} increments")
+        if not all(pd.api.types.is_numeric_dtype(table[column]) for column in table) and len(table):
+            raise self._damaged("history.csv", "has entries that are not numbers")
+        return table
+
+    @cached_property
+    def crack_path(self) -> np.ndarray:
+        """(n, 2) polyline in reference coordinates [case length unit]; n = 0 when nothing broke."""
+        return self._table("crack_path.csv", ("x", "y")).to_numpy(dtype=float).reshape(-1, 2)
+
+    @cached_property
+    def index(self) -> pd.DataFrame:
+        """One row for each snapshot, columns `INDEX_COLUMNS`."""
+        return self._table("fields/index.csv", INDEX_COLUMNS)
+
+    def _mesh(self, file: str) -> "pyvista.UnstructuredGrid":
+        import pyvista
+
+        path = self.folder / file
+        if not path.is_file():
+            raise self._damaged(file, "is missing")
+        mesh = pyvista.read(path)
+        if not isinstance(mesh, pyvista.UnstructuredGrid) or mesh.n_points == 0:
+            raise self._damaged(file, "holds no mesh")
+        return mesh
+
+    def _nearest(self, u: float | None) -> pd.Series:
+        if self.index.empty:
+            raise self._damaged("fields/index.csv", "lists no snapshot")
+        row = len(self.index) - 1 if u is None else int((self.index["u"] - u).abs().argmin())
+        return self.index.iloc[row]
+
+    def snapshots(self) -> Iterator[Snapshot]:
+        """All snapshots in the order of the run, the last state last."""
+        for _, row in self.index.iterrows():
+            yield Snapshot(float(row["u"]), int(row["step"]), self._mesh(row["points_file"]))
+
+    def points(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
+        """Integration points of the snapshot nearest to displacement ``u``; the last state without it."""
+        return self._mesh(self._nearest(u)["points_file"])
+
+    def grid(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
+        """Grid or mesh of the snapshot nearest to displacement ``u``; the last state without it."""
+        return self._mesh(self._nearest(u)["grid_file"])
+
+    def fields(self, u: float | None = None) -> "Fields":
+        """All fields as arrays from the snapshot nearest to displacement ``u``; the last state without."""
+        from verify.vtk_files import fields_of
+
+        return fields_of(self.points(u), self.grid(u))
+
+    @property
+    def checkpoint(self) -> dict[str, np.ndarray]:
+        """Arrays of the last good state, with its step and displacement u."""
+        try:
+            with np.load(self.folder / "checkpoint.npz", allow_pickle=False) as arrays:
+                return dict(arrays)
+        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+            raise self._damaged("checkpoint.npz", "is missing or unreadable") from error
+
+    @property
+    def case(self) -> "Case":
+        """The case as its file stands now; see `verify.judge` for runs that are older than it."""
+        from cases import load_case
+
+        return load_case(self.info.get("case_source", self.info["case"]), self.info["tier"], self.info["run"])

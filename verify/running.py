@@ -1,0 +1,221 @@
+"""Running a case with one of its solvers, from the case to the finished run folder."""
+
+import math
+import os
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cases import Case, load_case
+from numerics.costs import Costs
+from verify.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
+from verify.run_folder import Discretisation, RunFolder, RunFolderError, RunWriter, WriteError, run_path
+
+if TYPE_CHECKING:
+    from numerics.quasi_static import Increment
+
+DEFAULT_OUT = Path("reports/out")
+DEFAULT_THREADS = min(2, os.cpu_count() or 1)
+# A run that ended so would end so again. A failed one may have met a full disk or a bug since mended.
+REPEATABLE_STATUSES = ("complete", "broken_through", "no_convergence")
+
+Listener = Callable[["Increment"], None]
+
+
+class InterruptedRunError(Exception):
+    """The user stopped a run; its text says where the unfinished folder is."""
+
+
+def _finite_elements(case: Case) -> Discretisation:
+    from fem_reference import FiniteElements
+
+    return FiniteElements(case)
+
+
+def _material_points(case: Case) -> Discretisation:
+    from mpm import MaterialPoints
+
+    return MaterialPoints(case)
+
+
+#: what ``solver`` in a case's run stands for; a further solver is one more entry
+SOLVERS: dict[str, Callable[[Case], Discretisation]] = {"fem": _finite_elements, "mpm": _material_points}
+
+
+def solver_increments(discretisation: Any, case: Case) -> "Iterator[Increment]":
+    """The increments of a quasi-static run, one after the other."""
+    from numerics.quasi_static import increments
+
+    return increments(discretisation, case)
+
+
+def case_for_run(case: Case | str | Path, run_name: str, tier: str | None = None) -> Case:
+    """The case with the changes of one of its runs merged in.
+
+    Raises
+    ------
+    CaseError : no such case, tier or run.
+    """
+    if isinstance(case, Case):
+        if case.run == run_name and tier in (None, case.tier):
+            return case
+        return load_case(case.source, tier or case.tier, run_name)
+    return load_case(case, tier, run_name)
+
+
+def up_to_date(case: Case, folder: Path) -> RunFolder | None:
+    """The finished run in ``folder`` when the same case and the same code would give it again."""
+    try:
+        finished = RunFolder(folder)
+    except RunFolderError:
+        return None
+    same = finished.info["case_hash"] == case.hash() and finished.info.get("source_hash") == source_hash()
+    return finished if same and finished.info["status"] in REPEATABLE_STATUSES else None
+
+
+def run(
+    case: Case | str | Path,
+    run_name: str,
+    tier: str | None = None,
+    out: Path | str = DEFAULT_OUT,
+    listener: Listener | None = None,
+    *,
+    threads: int = DEFAULT_THREADS,
+    force: bool = False,
+) -> RunFolder:
+    """Compute one run of a case and return its folder; a run that is up to date is not computed again.
+
+    Parameters
+    ----------
+    case : a case, the name of one in the library, or the path of a case file.
+    run_name : one of the runs that the case describes, such as "fem" or "mpm".
+    tier : resolution, "standard" when not given.
+    out : folder of all results; the run goes to ``<out>/runs/<case>/<tier>/<run>``.
+    listener : called with each accepted increment.
+    threads : number of threads of compiled loops and linear algebra.
+    force : compute even when the finished run is up to date.
+
+    Raises
+    ------
+    CaseError : bad case. WriteError : the folder cannot be written. InterruptedRunError : stopped.
+    A solver that fails raises nothing: the folder's status and reason tell, beside the last good state.
+    """
+    merged = case_for_run(case, run_name, tier)
+    folder = run_path(Path(out), merged.name, merged.tier, run_name)
+    finished = None if force else up_to_date(merged, folder)
+    return finished or _compute(merged, run_name, folder, listener, threads)
+
+
+def _compute(case: Case, run_name: str, folder: Path, listener: Listener | None, threads: int) -> RunFolder:
+    from numerics.threads import use_threads
+
+    use_threads(threads)
+    try:
+        with RunWriter(folder, case.output.snapshots) as writer, PeakMemory() as memory:
+            attempt = _Attempt(case, run_name, writer, listener)
+            attempt.solve()
+            info = attempt.info() | {"threads": threads, "memory_mb": round(memory.megabytes, 1)}
+            writer.finish(info, attempt.crack_path)
+    except KeyboardInterrupt as stopped:
+        raise InterruptedRunError(
+            f"Stopped: what was computed so far is in {writer.partial} and will not be taken for a result."
+        ) from stopped
+    return RunFolder(folder)
+
+
+class _Attempt:
+    """One solution of a case: drives the increments and keeps what run.json tells."""
+
+    def __init__(self, case: Case, run_name: str, writer: RunWriter, listener: Listener | None) -> None:
+        self.case, self.run_name, self.writer, self.listener = case, run_name, writer, listener
+        self.discretisation: Discretisation | None = None
+        self.status, self.reason = "complete", ""
+        self.seconds: dict[str, float] = {}
+        self.measures: dict[str, float] = {}
+        self.crack_path = np.empty((0, 2))
+
+    def solve(self) -> None:
+        """From the case to the last state; a solver's failure becomes the status ``failed``."""
+        started = time.perf_counter()
+        try:
+            self.discretisation = SOLVERS[self.case.run_spec(self.run_name).solver](self.case)
+            self.seconds["set_up"] = time.perf_counter() - started
+            self._warm_up(self.discretisation)
+            self._march(self.discretisation)
+            self._look_at_last_state(self.discretisation)
+        except WriteError:
+            raise
+        except Exception as error:
+            self.status, self.reason = "failed", _one_line(error)
+            with suppress(
+                OSError
+            ):  # the trace is for whoever mends the solver; the reason is enough for the user
+                (self.writer.partial / "traceback.txt").write_text(traceback.format_exc(), encoding="utf-8")
+        self.seconds["total"] = time.perf_counter() - started
+
+    def _warm_up(self, discretisation: Discretisation) -> None:
+        """Compilation is paid once for each machine, not for each run: its time is kept apart."""
+        started = time.perf_counter()
+        warm_up = getattr(discretisation, "warm_up", None)
+        if warm_up is not None:
+            warm_up()
+        self.seconds["warm_up"] = time.perf_counter() - started
+
+    def _march(self, discretisation: Discretisation) -> None:
+        started = time.perf_counter()
+        for increment in solver_increments(discretisation, self.case):
+            if increment.status in ("no_convergence", "broken_through"):
+                self.status, self.reason = increment.status, increment.reason
+            if increment.status != "no_convergence":  # it repeats the last good state, already listened to
+                self.writer.increment(increment, discretisation)
+            if self.listener is not None:
+                self.listener(increment)
+        self.seconds["increments"] = time.perf_counter() - started
+
+    def _look_at_last_state(self, discretisation: Discretisation) -> None:
+        fields = self.writer.last_state(discretisation)
+        self.measures = {name: float(value) for name, value in discretisation.measures().items()}
+        if fields is not None:
+            self.crack_path = _crack_path(fields, self.case)
+
+    def info(self) -> dict[str, Any]:
+        """Contents of run.json."""
+        costs = self.discretisation.costs if self.discretisation else Costs()
+        return {
+            "case": self.case.name,
+            "title": self.case.title,
+            "case_source": str(Path(self.case.source).resolve()),
+            "tier": self.case.tier,
+            "run": self.run_name,
+            "solver": self.case.run_spec(self.run_name).solver,
+            "status": self.status,
+            "reason": self.reason,
+            "case_hash": self.case.hash(),
+            "code_version": code_version(),
+            "source_hash": source_hash(),
+            "versions": library_versions(),
+            "processor": processor_name(),
+            "counters": {name: int(value) for name, value in costs.count.items()},
+            "seconds": {
+                name: round(float(value), 4) for name, value in (dict(costs.seconds) | self.seconds).items()
+            },
+            "measures": {
+                name: value if math.isfinite(value) else None for name, value in self.measures.items()
+            },
+        }
+
+
+def _one_line(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def _crack_path(fields: Any, case: Case) -> np.ndarray:
+    """Polyline of the broken state; empty when nothing broke."""
+    from verify.crack_path import crack_path
+
+    return crack_path(fields, case)

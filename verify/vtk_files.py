@@ -1,0 +1,87 @@
+"""Fields of a discretisation as pyvista meshes and back, and the PVD files that give them a time."""
+
+from dataclasses import fields as dataclass_fields
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pyvista
+
+from numerics.fields import Fields
+
+CELL_TYPES = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}
+# ParaView shows and warps by three components only; these are stored with a zero z.
+PLANE_VECTORS = ("reference", "displacement")
+POINT_DATA = (
+    "reference", "volume", "displacement", "gradient", "phase_field",
+    "history_field", "stress", "energy_density", "body",
+)  # fmt: skip
+
+
+def hydrostatic_stress(stress: np.ndarray) -> np.ndarray:
+    """In-plane mean stress (s_xx + s_yy) / 2, the measure of pressure used in two dimensions.
+
+    Parameters
+    ----------
+    stress : (n, 3) [case stress unit], Voigt xx, yy, xy.
+    """
+    return 0.5 * (stress[:, 0] + stress[:, 1])
+
+
+def _in_space(plane: np.ndarray) -> np.ndarray:
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def points_mesh(fields: Fields) -> pyvista.UnstructuredGrid:
+    """Integration points at their current places as vertex cells.
+
+    Point data are named as in `numerics.fields.Fields`, and ``hydrostatic_stress`` beside them.
+    """
+    number = len(fields.points)
+    cells = np.column_stack([np.ones(number, dtype=np.int64), np.arange(number)]).ravel()
+    types = np.full(number, pyvista.CellType.VERTEX, dtype=np.uint8)
+    mesh = pyvista.UnstructuredGrid(cells, types, _in_space(fields.points))
+    for name in POINT_DATA:
+        values = np.asarray(getattr(fields, name))
+        mesh.point_data[name] = _in_space(values) if name in PLANE_VECTORS else values
+    mesh.point_data["hydrostatic_stress"] = hydrostatic_stress(np.asarray(fields.stress))
+    return mesh
+
+
+def grid_mesh(fields: Fields) -> pyvista.UnstructuredGrid:
+    """The grid or finite element mesh in its reference place with ``displacement`` and ``phase_field``."""
+    number, corners = fields.grid_cells.shape
+    cells = np.column_stack([np.full(number, corners, dtype=np.int64), fields.grid_cells]).ravel()
+    types = np.full(number, CELL_TYPES[corners], dtype=np.uint8)
+    mesh = pyvista.UnstructuredGrid(cells, types, _in_space(fields.grid_points))
+    mesh.point_data["displacement"] = _in_space(fields.grid_displacement)
+    mesh.point_data["phase_field"] = np.asarray(fields.grid_phase_field)
+    return mesh
+
+
+def fields_of(points: pyvista.UnstructuredGrid, grid: pyvista.UnstructuredGrid) -> Fields:
+    """The fields that `points_mesh` and `grid_mesh` were made from."""
+    values: dict[str, Any] = {name: np.asarray(points.point_data[name]) for name in POINT_DATA}
+    values |= {name: values[name][:, :2] for name in PLANE_VECTORS}
+    values["points"] = np.asarray(points.points)[:, :2]
+    values["grid_points"] = np.asarray(grid.points)[:, :2]
+    values["grid_cells"] = next(iter(grid.cells_dict.values()))
+    values["grid_displacement"] = np.asarray(grid.point_data["displacement"])[:, :2]
+    values["grid_phase_field"] = np.asarray(grid.point_data["phase_field"])
+    return Fields(**{field.name: values[field.name] for field in dataclass_fields(Fields)})
+
+
+def pvd_text(times: list[float], files: list[str]) -> str:
+    """A ParaView collection: one data set for each of ``files``, at ``times``."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(root, "Collection")
+    for time, file in zip(times, files, strict=True):
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), part="0", file=file)
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def write_mesh(mesh: pyvista.UnstructuredGrid, path: Path) -> None:
+    """Write a VTU file (binary, compressed)."""
+    mesh.save(path)
