@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import netgen.meshing as netgen
 import numpy as np
@@ -34,10 +35,25 @@ SNAP = 1e-3
 
 
 @dataclass(frozen=True)
+class Feature:
+    """A circle (a point with radius 0) with smaller elements about it; centre, radius, size [length]."""
+
+    centre: tuple[float, float]
+    radius: float
+    size: float
+
+    @classmethod
+    def of_circle(cls, circle: Circle) -> Feature:
+        """Elements small enough for the circle to look round."""
+        return cls(circle.centre, circle.radius, 2.0 * np.pi * circle.radius / CHORDS_OF_CIRCLE)
+
+
+@dataclass(frozen=True)
 class SizeField:
     """Wanted length of edges [length]: h in the box, each next one outside larger by `growth` up to `coarse`.
 
     lower, upper : (2,) corners of the fine box; both infinite when all is fine
+    features : places from which sizes below these grow in the same way
     """
 
     h: float
@@ -45,11 +61,16 @@ class SizeField:
     growth: float
     lower: Floats
     upper: Floats
+    features: tuple[Feature, ...] = ()
 
     def __call__(self, points: Floats) -> Floats:
         """Wanted sizes (n,) at points (n, 2)."""
         outside = np.maximum(0.0, np.maximum(self.lower - points, points - self.upper))
-        return np.minimum(self.coarse, self.h + self.grading * np.linalg.norm(outside, axis=1))
+        size = np.minimum(self.coarse, self.h + self.grading * np.linalg.norm(outside, axis=1))
+        for feature in self.features:
+            away = np.abs(np.linalg.norm(points - feature.centre, axis=1) - feature.radius)
+            size = np.minimum(size, feature.size + self.grading * away)
+        return size
 
     @property
     def grading(self) -> float:
@@ -97,13 +118,16 @@ def triangulate(
     return mesh.without_unused_points()
 
 
-def outline_of(shape: Shape, size: SizeField) -> BaseGeometry:
-    """The shape as a polygon whose corners on circles are as near to each other as the wanted size."""
+def outline_of(shape: Shape, size: SizeField, corners: Sequence[tuple[float, float]] = ()) -> BaseGeometry:
+    """The shape as a polygon whose corners on circles are as near to each other as the wanted size.
+
+    Those of the points `corners` that lie on a circle are corners of its polygon.
+    """
     if shape.disc:
-        return shapely.Polygon(_circle_corners(shape.disc, size))
+        return shapely.Polygon(_circle_corners(shape.disc, size, corners))
     if shape.difference:
-        holes = [outline_of(hole, size) for hole in shape.difference.minus]
-        return outline_of(shape.difference.of, size) - shapely.union_all(holes)
+        holes = [outline_of(hole, size, corners) for hole in shape.difference.minus]
+        return outline_of(shape.difference.of, size, corners) - shapely.union_all(holes)
     return shape.outline()
 
 
@@ -146,12 +170,27 @@ def divided(start: Floats, end: Floats, size: SizeField) -> Floats:
     return _spaced(start + place * (end - start), size, least=1)
 
 
-def _circle_corners(circle: Circle, size: SizeField) -> Floats:
-    angle = np.linspace(0.0, 2.0 * np.pi, 16 * SAMPLES)
-    wanted = replace(size, coarse=min(size.coarse, 2.0 * np.pi * circle.radius / CHORDS_OF_CIRCLE))
-    around = np.asarray(circle.centre) + circle.radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    between = _spaced(around, wanted, least=CHORDS_OF_CIRCLE)[:-1] - circle.centre
-    return circle.centre + between * (circle.radius / np.linalg.norm(between, axis=1))[:, None]
+def _circle_corners(circle: Circle, size: SizeField, corners: Sequence[tuple[float, float]]) -> Floats:
+    """Corners of the circle's polygon: those given that lie on it, and between them as many as are wanted."""
+    offset = np.reshape(corners, (-1, 2)) - circle.centre
+    on_circle = np.abs(np.linalg.norm(offset, axis=1) - circle.radius) < SNAP * size.h
+    fixed = np.arctan2(*offset[on_circle].T[::-1]) if on_circle.any() else np.zeros(1)
+    # Nearer to each other than a millionth of the radius, two corners are one.
+    fixed = np.sort(np.mod(fixed + 1e-6, 2.0 * np.pi) - 1e-6)
+    fixed = fixed[np.diff(fixed, prepend=-np.inf) > 1e-6]
+    arcs = [
+        _arc_corners(circle, size, first, last) for first, last in pairwise([*fixed, fixed[0] + 2.0 * np.pi])
+    ]
+    return np.concatenate([arc[:-1] for arc in arcs])
+
+
+def _arc_corners(circle: Circle, size: SizeField, first: float, last: float) -> Floats:
+    """Points on the circle from one angle to the next [radians]."""
+    angle = np.linspace(first, last, 16 * SAMPLES)
+    path = circle.centre + circle.radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    least = int(np.ceil((last - first) / (2.0 * np.pi) * CHORDS_OF_CIRCLE))
+    offset = _spaced(path, size, least) - circle.centre
+    return circle.centre + offset * (circle.radius / np.linalg.norm(offset, axis=1))[:, None]
 
 
 def _spaced(path: Floats, size: SizeField, least: int) -> Floats:

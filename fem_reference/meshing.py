@@ -26,6 +26,7 @@ from fem_reference.mesh_quads import rectangles
 from fem_reference.mesh_slits import Slit, split_slits
 from fem_reference.mesh_triangles import (
     SNAP,
+    Feature,
     SizeField,
     circles_of,
     notch_outline,
@@ -155,20 +156,41 @@ def _in_notch(notch: CellsNotch, points: NDArray[np.float64]) -> NDArray[np.bool
 
 
 def _size_field(case: Case) -> SizeField:
+    features = _features(case)
     if case.mesh.fine is None:
         everywhere = np.full(2, np.inf)
-        return SizeField(case.mesh.h, case.mesh.h, case.mesh.growth, -everywhere, everywhere)
+        return SizeField(case.mesh.h, case.mesh.h, case.mesh.growth, -everywhere, everywhere, features)
     # The box is cut to the bodies, because netgen is told the size along lines all over it.
     lower, upper = case.bounding_box()
     lower = np.maximum(lower, case.mesh.fine.lower)
     upper = np.minimum(upper, case.mesh.fine.upper)
     coarse = case.mesh.coarse or float(np.ptp(case.bounding_box(), axis=0).max())
-    return SizeField(case.mesh.h, coarse, case.mesh.growth, lower, upper)
+    return SizeField(case.mesh.h, coarse, case.mesh.growth, lower, upper, features)
+
+
+def _features(case: Case) -> tuple[Feature, ...]:
+    """Circles and the ends of narrow notches, which need small elements wherever they are."""
+    circles = [c for body in case.bodies.values() if body.shape for c in circles_of(body.shape)]
+    narrow = [notch for notch in case.notches if isinstance(notch, CellsNotch)]
+    ends = [Feature(end, 0.0, notch.width) for notch in narrow for end in (notch.start, notch.end)]
+    return (*(Feature.of_circle(circle) for circle in circles), *ends)
+
+
+def _anchors(case: Case) -> list[tuple[float, float]]:
+    """Points that are to be nodes where they lie on an outline: ends of notches, of supports and of loads."""
+    notches = [end for notch in case.notches for end in (notch.start, notch.end)]
+    boundaries = case.boundaries.values()
+    points = [boundary.point for boundary in boundaries if boundary.point]
+    return [
+        *notches,
+        *points,
+        *(corner for b in boundaries if b.box for corner in (b.box.lower, b.box.upper)),
+    ]
 
 
 def _outlines(case: Case, shapes: dict[int, Shape]) -> list[BaseGeometry]:
     """Polygons of the bodies without the notches of kind "cells"."""
-    outlines = [outline_of(shape, _size_field(case)) for shape in shapes.values()]
+    outlines = [outline_of(shape, _size_field(case), _anchors(case)) for shape in shapes.values()]
     for notch in case.notches:
         if isinstance(notch, CellsNotch):
             segment = Slit("notch", notch.start, notch.end)
@@ -179,12 +201,8 @@ def _outlines(case: Case, shapes: dict[int, Shape]) -> list[BaseGeometry]:
 def _triangles(
     case: Case, shapes: dict[int, Shape], outlines: list[BaseGeometry], slits: list[Slit]
 ) -> MeshArrays:
-    boundaries = case.boundaries.values()
     circles = [circle for shape in shapes.values() for circle in circles_of(shape)]
-    # Supports and patches of load begin and end at nodes.
-    anchors = [boundary.point for boundary in boundaries if boundary.point]
-    anchors += [corner for b in boundaries if b.box for corner in (b.box.lower, b.box.upper)]
-    mesh = triangulate(outlines, _size_field(case), slits, anchors, circles)
+    mesh = triangulate(outlines, _size_field(case), slits, _anchors(case), circles)
     return MeshArrays(mesh.points, mesh.cells, np.array(list(shapes))[mesh.body])
 
 

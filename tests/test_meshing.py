@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cases import Case, CaseError, load_case
-from fem_reference.mesh_arrays import corner_jacobians, edge_lengths, edge_table, signed_areas
+from fem_reference.mesh_arrays import MeshArrays, corner_jacobians, edge_lengths, edge_table, signed_areas
 from fem_reference.mesh_quads import rectilinear
 from fem_reference.mesh_slits import Slit, cells_cut_by, split_slit
 from fem_reference.mesh_triangles import SizeField
@@ -101,6 +101,46 @@ def test_a_plate_with_a_hole(tmp_path: Path) -> None:
     assert on_hole.sum() >= 48
     assert from_centre[on_hole] == pytest.approx(10.0, abs=1e-8)
     assert quality(mesh).smallest_angle > 20.0
+
+
+def test_nodes_that_netgen_adds_on_a_coarse_circle_lie_on_it(tmp_path: Path) -> None:
+    # The small hole makes netgen divide the chords of the large one beside it.
+    small_hole = "{ polygon = { points = [[44, 58.5], [44.1, 58.5], [44, 58.6]] } }"
+    mesh = build_mesh(write_case(tmp_path, PLATE_WITH_HOLE.replace("[{", f"[{small_hole}, {{"), "h = 5"))
+    edges = edge_table(mesh.arrays.cells)
+    points = mesh.arrays.points[np.unique(edges.ends[edges.count == 1])]
+    from_centre = np.linalg.norm(points - [36.5, 51], axis=1)
+    on_hole = np.abs(from_centre - 10.0) < 0.1
+    assert on_hole.sum() > 48
+    assert from_centre[on_hole] == pytest.approx(10.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.0087266, 0.4, 1.0, 2.5])
+def test_small_holes_and_slits_beside_a_coarse_circle_give_sound_triangles(
+    tmp_path: Path, angle: float
+) -> None:
+    towards = np.array([np.cos(angle), np.sin(angle)])
+    away = np.array([np.cos(angle + 1.0), np.sin(angle + 1.0)])
+    small_hole = f"{{ disc = {{ centre = {(np.array([36.5, 51]) + 11 * away).tolist()}, radius = 0.5 }} }}"
+    start, end = ((np.array([36.5, 51]) + radius * towards).tolist() for radius in (10, 14))
+    shape = PLATE_WITH_HOLE.replace("[{", f"[{small_hole}, {{")
+    mesh = build_mesh(write_case(tmp_path, shape, "h = 5", notch("slit", start, end)))
+    assert quality(mesh).smallest_angle > 20.0
+    edges = edge_table(mesh.arrays.cells)
+    points = mesh.arrays.points[np.unique(edges.ends[edges.count == 1])]
+    from_centre = np.linalg.norm(points - [36.5, 51], axis=1)
+    assert from_centre[from_centre < 10.2] == pytest.approx(10.0, abs=1e-8)
+    opened = np.linalg.norm(doubled_points(mesh) - [36.5, 51], axis=1)
+    assert opened.min() == pytest.approx(10.0, abs=1e-8)
+
+
+def test_a_body_thinner_than_the_grid_resolves_is_refused(tmp_path: Path) -> None:
+    film = "{ rectangle = { lower = [1, 0], upper = [1.00005, 1] } }"
+    bodies = f"""
+    bodies.plate = {{ material = "steel", shape = {UNIT_SQUARE} }}
+    bodies.film = {{ material = "steel", shape = {film} }}"""
+    with pytest.raises(MeshError, match=r"bodies\.film: its sides fit no grid lines"):
+        build_mesh(write_case(tmp_path, bodies, "h = 0.1"))
 
 
 @BOTH_ELEMENTS
@@ -224,6 +264,21 @@ def test_a_slit_that_ends_within_an_edge_is_refused() -> None:
     assert len(split_slit(grid, (0.0, 0.5), (0.4, 0.5)).points) == len(grid.points) + 4
 
 
+def test_a_slit_on_the_boundary_opens_nothing_and_is_refused() -> None:
+    grid = rectilinear(np.linspace(0, 1, 11), np.linspace(0, 1, 11))
+    with pytest.raises(MeshError, match="does not lie along edges"):
+        split_slit(grid, (0.0, 0.0), (0.5, 0.0))
+
+
+def test_a_slit_that_follows_edges_for_a_part_only_is_refused() -> None:
+    points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 1], [2, 2], [1, 2]], dtype=float)
+    cells = np.array([[0, 1, 2], [0, 2, 3], [2, 4, 6], [4, 5, 6]])
+    mesh = MeshArrays(points, cells, np.zeros(4, dtype=np.int64))
+    assert len(split_slit(mesh, (0.0, 0.0), (1.0, 1.0)).points) == len(points) + 3
+    with pytest.raises(MeshError, match="does not lie along edges"):
+        split_slit(mesh, (0.0, 0.0), (2.0, 2.0))
+
+
 def test_cells_cut_by_finds_the_elements_that_a_line_crosses() -> None:
     grid = rectilinear(np.linspace(0, 1, 11), np.linspace(0, 1, 11))
     assert cells_cut_by(grid, Slit("slit", (0.0, 0.55), (0.45, 0.55)), 1e-6).sum() == 5
@@ -320,7 +375,7 @@ def test_points_of_support_and_ends_of_loaded_patches_are_nodes(tmp_path: Path) 
 # ------------------------------------------------------------ mesh from file
 
 SQUARE_POINTS = np.array(
-    [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [9, 9, 0]], dtype=float
+    [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [9, 9, 9]], dtype=float
 )
 TWO_QUADS = [[0, 1, 4, 3], [1, 2, 5, 4]]
 FOUR_TRIANGLES = [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]]
