@@ -27,7 +27,7 @@ LARGEST_ENERGY_PANELS = 6
 
 
 def run_label(run: RunResults) -> str:
-    """Return a run's name with its method: ``mpm_gmres (PF-MPM)``; the method alone where the name adds nothing."""
+    """Return a run's name with its method, ``mpm_gmres (PF-MPM)``; only the method where both agree."""
     method = style.NAME_OF_SOLVER.get(run.solver, run.solver)
     return method if run.name == run.solver else f"{run.name} ({method})"
 
@@ -46,7 +46,7 @@ def peak_row(history: pd.DataFrame) -> pd.Series:
     try:
         return history.iloc[peak_index(Curve.from_history(history))]
     except CurveError:  # too short or not a number: still worth a picture
-        return history.loc[history["F"].abs().fillna(0.0).idxmax()]
+        return history.iloc[int(np.argmax(np.nan_to_num(np.abs(history["F"].to_numpy(float)))))]
 
 
 def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | None:
@@ -88,7 +88,8 @@ def _draw_published(axes: Any, published: list[tuple[str, pd.DataFrame]]) -> Non
         every = max(len(points) // 40, 1)  # a digitised curve of hundreds of points would hide the runs
         axes.plot(
             points["u"][::every], points["F"][::every], linestyle="none", marker=marker, markersize=3.6,
-            color="black", markerfacecolor="white", markeredgewidth=0.8, zorder=2.5, label=f"published: {name}",
+            color="black", markerfacecolor="white", markeredgewidth=0.8, zorder=2.5,
+            label=f"published: {name}",
         )  # fmt: skip
 
 
@@ -98,7 +99,14 @@ def _draw_history(axes: Any, run: RunResults, colour: str, force: str, displacem
     line = style.LINE_OF_SOLVER.get(run.solver, "-.")
     axes.plot(history["u"], history["F"], line, color=colour, label=said, zorder=3)
     axes.plot(
-        peak["u"], peak["F"], "o", markersize=7, markerfacecolor="none", color=colour, markeredgewidth=1.2, zorder=4
+        peak["u"],
+        peak["F"],
+        "o",
+        markersize=7,
+        markerfacecolor="none",
+        color=colour,
+        markeredgewidth=1.2,
+        zorder=4,
     )
 
 
@@ -130,7 +138,7 @@ def _relative_error(
         line = style.LINE_OF_SOLVER.get(run.solver if run else "", "-")
         colour = colours.get(_names(curve)[0], style.INK)
         axes.plot(table["u"], table["relative_error_percent"], line, color=colour, label=_names(curve)[0])
-    peak_u = float(tables[0]["u"][tables[0]["F_reference"].abs().idxmax()])
+    peak_u = float(tables[0]["u"].to_numpy()[np.nanargmax(np.abs(tables[0]["F_reference"].to_numpy(float)))])
     axes.axhline(0.0, color=style.GREY, linewidth=0.8)
     axes.axvline(peak_u, color=style.GREY, linewidth=0.9, linestyle=":", label=f"peak of {reference}")
     together = pd.concat(tables, ignore_index=True)
@@ -178,7 +186,9 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
         return None
     columns = min(len(shown), 3)
     rows = -(-len(shown) // columns)
-    figure, grid = style.panels(rows, columns, 7.2 if columns > 1 else 4.8, 2.9 * rows, sharey=True, sharex=True)
+    figure, grid = style.panels(
+        rows, columns, 7.2 if columns > 1 else 4.8, 2.9 * rows, sharey=True, sharex=True
+    )
     for axes in grid.flat[len(shown) :]:
         axes.set_visible(False)
     for axes, run in zip(grid.flat, shown, strict=False):
@@ -213,7 +223,9 @@ def _draw_energies(axes: Any, run: RunResults) -> None:
     history, line = run.history, style.LINE_OF_SOLVER.get(run.solver, "-.")
     axes.grid(True)
     axes.set_axisbelow(True)
-    axes.plot(history["u"], history["W_ext"], color=style.GREY, linewidth=3.4, alpha=0.55, label="external work")
+    axes.plot(
+        history["u"], history["W_ext"], color=style.GREY, linewidth=3.4, alpha=0.55, label="external work"
+    )
     axes.plot(history["u"], _energy_sum(history), "-", color="black", linewidth=0.9, label="sum of energies")
     axes.plot(history["u"], history["E_el"], line, color=style.OKABE_ITO[0], label="elastic")
     axes.plot(history["u"], history["E_frac"], line, color=style.OKABE_ITO[1], label="fracture")
@@ -228,7 +240,11 @@ def _balance_caption(runs: list[RunResults]) -> str:
         if work.abs().max() > 0:
             gap = (_energy_sum(run.history) - work).abs().max() / work.abs().max()
             parts.append(f"{100 * gap:.2g} % ({run.name})")
-    return f"Largest gap between the sum and the external work, over the largest work: {listed(parts)}." if parts else ""
+    return (
+        f"Largest gap between the sum and the external work, over the largest work: {listed(parts)}."
+        if parts
+        else ""
+    )
 
 
 def sweep_table(results: CaseResults) -> pd.DataFrame:
@@ -266,17 +282,19 @@ def _theory(results: CaseResults, run: RunResults) -> float:
 def convergence(results: CaseResults, folder: Path) -> list[style.Drawing]:
     """Draw error over h in logarithmic axes with fitted slopes, one figure per measure."""
     table = sweep_table(results)
-    return [_convergence(measure, part, results, folder) for measure, part in table.groupby("measure")]
+    return [_convergence(str(measure), part, results, folder) for measure, part in table.groupby("measure")]
 
 
 def _convergence(measure: str, table: pd.DataFrame, results: CaseResults, folder: Path) -> style.Drawing:
     figure = Figure(figsize=(5.6, 4.4))
-    axes = style.curve_axes(figure, f"spacing h [{results.unit('length')}]", measure.replace("_", " ").replace("l2", "L2"))
+    axes = style.curve_axes(
+        figure, f"spacing h [{results.unit('length')}]", measure.replace("_", " ").replace("l2", "L2")
+    )
     axes.set(xscale="log", yscale="log")
     colours = style.colours_of(list(table["base"].unique()))
     said = []
     for base, part in table.groupby("base", sort=False):
-        slope = _draw_sweep(axes, str(base), part, colours[base])
+        slope = _draw_sweep(axes, str(base), part, colours[str(base)])
         expected = f" (theory {part['theory'].iloc[0]:g})" if np.isfinite(part["theory"].iloc[0]) else ""
         said.append(f"{base}: {number(slope, 3)}{expected}")
     axes.xaxis.set_minor_formatter(NullFormatter())
@@ -298,7 +316,9 @@ def _draw_sweep(axes: Any, base: str, part: pd.DataFrame, colour: str) -> float:
     h, error = part["h"].to_numpy(float), part["error"].to_numpy(float)
     slope = float(np.polyfit(np.log(h), np.log(error), 1)[0]) if len(h) > 1 else float("nan")
     line = style.LINE_OF_SOLVER.get(str(part["solver"].iloc[0]), "-.")
-    axes.plot(h, error, line, marker="o", markersize=4, color=colour, label=f"{base}: slope {number(slope, 3)}")
+    axes.plot(
+        h, error, line, marker="o", markersize=4, color=colour, label=f"{base}: slope {number(slope, 3)}"
+    )
     theory = float(part["theory"].iloc[0])
     if len(h) > 1 and np.isfinite(theory):
         _draw_slope_triangle(axes, h, error, theory)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from . import style
 from .curves import run_label
-from .outlines import draw_outlines, fit_axes
+from .outlines import draw_outlines, fit_axes, shade_bodies
 from .words import listed, number
 
 if TYPE_CHECKING:
@@ -49,7 +49,9 @@ def paint_points(
         return axes.imshow(image, extent=extent, origin="lower", interpolation="nearest", **colours)
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     squares = places[:, None, :] + side[:, None, None] * corners
-    return axes.add_collection(PolyCollection(squares, array=values, edgecolors="none", linewidths=0, **colours))
+    return axes.add_collection(
+        PolyCollection(squares, array=values, edgecolors="none", linewidths=0, **colours)
+    )
 
 
 def point_image(
@@ -62,24 +64,22 @@ def point_image(
     lower = (places - side[:, None] / 2).min(axis=0)
     upper = (places + side[:, None] / 2).max(axis=0)
     pixel = (upper - lower).max() / PIXELS
-    columns, rows = np.maximum(np.ceil((upper - lower) / pixel).astype(int), 1)
-    total, count = np.zeros((rows, columns)), np.zeros((rows, columns))
+    columns, rows = np.maximum(np.round((upper - lower) / pixel).astype(int), 1)
     first = np.floor((places - side[:, None] / 2 - lower) / pixel + 0.5).astype(int)
     width = np.maximum(np.floor((places + side[:, None] / 2 - lower) / pixel + 0.5).astype(int) - first, 1)
-    for right in range(int(width[:, 0].max())):
-        for up in range(int(width[:, 1].max())):
-            covers = (width[:, 0] > right) & (width[:, 1] > up)
-            x = np.clip(first[covers, 0] + right, 0, columns - 1)
-            y = np.clip(first[covers, 1] + up, 0, rows - 1)
-            cell = y * columns + x
-            total += np.bincount(cell, values[covers], rows * columns).reshape(rows, columns)
-            count += np.bincount(cell, minlength=rows * columns).reshape(rows, columns)
+    covered = width.prod(axis=1)
+    point = np.repeat(np.arange(len(places)), covered)  # one entry for each pixel that a point covers
+    within = np.arange(len(point)) - np.repeat(np.cumsum(covered) - covered, covered)
+    x = np.clip(first[point, 0] + within % width[point, 0], 0, columns - 1)
+    y = np.clip(first[point, 1] + within // width[point, 0], 0, rows - 1)
+    count = np.bincount(y * columns + x, minlength=rows * columns).reshape(rows, columns)
+    total = np.bincount(y * columns + x, values[point], rows * columns).reshape(rows, columns)
     image = np.ma.masked_array(total / np.maximum(count, 1), mask=count == 0)
     end = lower + pixel * np.array([columns, rows])
     return image, (lower[0], end[0], lower[1], end[1])
 
 
-def paint_mesh(axes: Axes, grid: GridState, **colours: Any) -> Any:
+def paint_mesh(axes: Any, grid: GridState, **colours: Any) -> Any:
     """Paint the nodal phase field of a mesh, interpolated in each cell."""
     return axes.tripcolor(
         grid.points[:, 0], grid.points[:, 1], grid.triangles(), grid.phase_field,
@@ -109,7 +109,7 @@ def _panel_grid(results: CaseResults, rows: int, columns: int) -> tuple[Figure, 
     lower, upper = extent_of(results)
     aspect = float(np.clip((upper - lower)[1] / (upper - lower)[0], 0.15, 2.5))
     width = min(8.4, 3.1 * columns + 0.9)
-    height = rows * (0.84 * (width - 0.9) / columns * aspect + 0.42) + 0.3
+    height = rows * (0.88 * (width - 0.9) / columns * aspect + 0.42) + 0.3
     return style.panels(rows, columns, width, height, sharex=True, sharey=True)
 
 
@@ -144,13 +144,24 @@ def _snapshot_panels(
 
 
 def _draw_panel(
-    axes: Axes, results: CaseResults, run: RunResults, u: float, draw: Callable[[Axes, RunResults, float], Any]
+    axes: Axes,
+    results: CaseResults,
+    run: RunResults,
+    u: float,
+    draw: Callable[[Axes, RunResults, float], Any],
 ) -> Any:
     stored = run.nearest_stored(u)
     axes.set_aspect("equal")
     fit_axes(axes, *extent_of(results))
     if stored is None:
-        axes.text(0.5, 0.5, f"no state stored\nnear u = {number(u)}", transform=axes.transAxes, ha="center", va="center")
+        axes.text(
+            0.5,
+            0.5,
+            f"no state stored\nnear u = {number(u)}",
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+        )
         axes.set_title(run_label(run))
         return None
     painted = draw(axes, run, stored)
@@ -183,8 +194,8 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
         return None
     figure, runs, _ = drawn
     caption = (
-        f"Phase field of {listed(run_label(run) for run in runs)} in reference coordinates, one colour scale. "
-        "FEM: nodal values; MPM: each material point as a square about its own area."
+        f"Phase field of {listed(run_label(run) for run in runs)} in reference coordinates, "
+        "one colour scale. FEM: nodal values; MPM: each material point as a square about its own area."
     )
     return style.Drawing("phase-field", "Phase field", caption, style.save(figure, folder, "phase-field"))
 
@@ -200,6 +211,7 @@ def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | No
         points = run.points(u)
         kept = points.phase_field >= style.BROKEN_BELOW
         places = points.reference + points.displacement
+        shade_bodies(axes, results.case, style.GREY)  # shows through where points are removed
         return paint_points(
             axes, places[kept], points.volume[kept], points.hydrostatic_stress[kept],
             cmap=style.SIGNED_COLOURS, clim=(-limit, limit),
@@ -210,8 +222,9 @@ def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | No
         return None
     caption = (
         f"In-plane mean stress at the integration points (Fig. 4.9 of the thesis); points with "
-        f"c < {style.BROKEN_BELOW:g} are removed, displacements are not magnified. Colours are cut at the 99th "
-        f"percentile, ±{number(limit, 3)} {results.unit('stress')}."
+        f"c < {style.BROKEN_BELOW:g} are removed (grey shows through), displacements "
+        f"are not magnified. Colours are cut at the 99th percentile, "
+        f"±{number(limit, 3)} {results.unit('stress')}."
     )
     name = "hydrostatic-stress"
     return style.Drawing(name, "Hydrostatic stress", caption, style.save(drawn[0], folder, name))
@@ -233,7 +246,10 @@ def _stress_limit(runs: Sequence[RunResults], wanted: Sequence[float]) -> float 
 
 def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the deformed FEM mesh beside the MPM's points: whole body above, the crack close up below."""
-    pair = [next((r for r in results.main_runs() if r.solver == s and r.stored.size), None) for s in ("fem", "mpm")]
+    pair = [
+        next((r for r in results.main_runs() if r.solver == s and r.stored.size), None)
+        for s in ("fem", "mpm")
+    ]
     fem, mpm = pair
     if fem is None or mpm is None or not _broke([fem, mpm]):
         return None
@@ -249,8 +265,8 @@ def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
     _title_distortion(axes, results, u_fem, u_mpm)
     figure.legend(handles=_distortion_key(), loc="outside lower center", ncols=3)
     caption = (
-        f"Deformed FEM mesh (left) beside the material points (right), displacements magnified {number(factor)} times; "
-        f"the frame above is shown enlarged below. Elements with a corner below "
+        f"Deformed FEM mesh (left) beside the material points (right), displacements magnified "
+        f"{number(factor)} times; the frame above is shown enlarged below. Elements with a corner below "
         f"c = {style.BROKEN_BELOW:g} are coloured, material points below it are removed "
         "(Figs. 4.8 and 4.9 of the thesis)."
     )
@@ -305,8 +321,10 @@ def _draw_deformed_mesh(axes: Axes, grid: GridState, factor: float, window: np.n
         )
 
 
-def _draw_moved_points(axes: Axes, points: PointState, factor: float, window: np.ndarray | None = None) -> None:
-    """Draw the points that are not broken at their magnified places, in the window only where there is one."""
+def _draw_moved_points(
+    axes: Axes, points: PointState, factor: float, window: np.ndarray | None = None
+) -> None:
+    """Draw the unbroken points at their magnified places, in the window only where there is one."""
     places = (points.reference + factor * points.displacement)[points.phase_field >= style.BROKEN_BELOW]
     if window is not None:
         places = places[np.all((places >= window[0]) & (places <= window[1]), axis=1)]
@@ -339,7 +357,15 @@ def _distortion_key() -> list[Any]:
     return [
         Rectangle((0, 0), 1, 1, facecolor=ELEMENT[0], edgecolor=ELEMENT[1], label="element"),
         Rectangle((0, 0), 1, 1, facecolor=BROKEN_ELEMENT[0], edgecolor=BROKEN_ELEMENT[1], label=broken),
-        Line2D([], [], linestyle="none", marker="o", markersize=3, color=style.OKABE_ITO[0], label="material point"),
+        Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker="o",
+            markersize=3,
+            color=style.OKABE_ITO[0],
+            label="material point",
+        ),
     ]
 
 

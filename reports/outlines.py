@@ -73,3 +73,10 @@ def draw_outlines(axes: Axes, case: Case | None, notches: bool = True) -> None:
             axes.add_patch(polygon_patch(polygon, fill=False, edgecolor=style.INK, linewidth=0.7, zorder=2.9))
     if notches:
         draw_notches(axes, case)
+
+
+def shade_bodies(axes: Axes, case: Case | None, colour: str) -> None:
+    """Fill the bodies below everything else; nothing without a case."""
+    for body in case.bodies.values() if case else ():
+        for polygon in body_polygons(body):
+            axes.add_patch(polygon_patch(polygon, facecolor=colour, edgecolor="none", zorder=-2))

@@ -70,9 +70,15 @@ def write_report(out: Path) -> Path:
 def _environment() -> Environment:
     """Templates with escaping on; a variable that is not there is an error and not a gap."""
     environment = Environment(
-        loader=PackageLoader("reports"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    environment.filters.update(number=words.number, percent=words.percent, verdict=_verdict_in_words, subscripts=_subscripts)
+    environment.filters.update(
+        number=words.number, percent=words.percent, verdict=_verdict_in_words, subscripts=_subscripts
+    )
     return environment
 
 
@@ -100,9 +106,11 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
         results=results, entry=results.entry, summary=summary, case=results.case, root="../",
         figures=f"../figures/{name}", picture=picture,
         sections=[section for section in sections if section.drawings or section.problem],
-        sentence=words.verdict_sentence(results.entry), runs_sentence=words.runs_sentence(list(results.runs.values())),
+        sentence=words.verdict_sentence(results.entry),
+        runs_sentence=words.runs_sentence(list(results.runs.values())),
         boundaries=scene.boundary_rows(results.case) if results.case else [],
-        checks=tables.check_rows(results), cost=tables.cost_table(results), cost_sentence=tables.cost_sentence(results),
+        checks=tables.check_rows(results), cost=tables.cost_table(results),
+        cost_sentence=tables.cost_sentence(results),
         runs=tables.run_rows(results), notices=_notices(results), readme=readme_html(results),
     )  # fmt: skip
     file = out / "pages" / f"{name}.html"
@@ -131,7 +139,11 @@ def _notices(results: CaseResults) -> list[str]:
         if not run.exists:
             absent.setdefault(run.entry.get("reason") or run.problem or run.status, []).append(run.name)
     said = [f"Not shown: {words.listed(names)}. Reason: {why}" for why, names in absent.items()]
-    said += [f"{curve['against']}: {curve['note']}" for curve in results.entry.get("curves") or [] if curve.get("note")]
+    said += [
+        f"{curve['against']}: {curve['note']}"
+        for curve in results.entry.get("curves") or []
+        if curve.get("note")
+    ]
     if results.case is None:
         said.append(f"The case description could not be read: {results.case_problem}")
     return said

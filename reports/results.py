@@ -25,7 +25,7 @@ SNAPSHOT_MATCH = 0.02  # a stored state stands for a wanted displacement when wi
 
 @dataclass(frozen=True)
 class PointState:
-    """Integration points of one snapshot: arrays of length n, coordinates (n, 2) in the case's length unit."""
+    """Integration points of one snapshot: arrays of length n, coordinates (n, 2) [case length unit]."""
 
     reference: np.ndarray
     displacement: np.ndarray
@@ -124,7 +124,9 @@ class RunResults:
         if not self.stored.size:
             return None
         nearest = float(self.stored[np.abs(self.stored - u).argmin()])
-        return nearest if abs(nearest - u) <= SNAPSHOT_MATCH * max(np.abs(self.stored).max(), abs(u)) else None
+        return (
+            nearest if abs(nearest - u) <= SNAPSHOT_MATCH * max(np.abs(self.stored).max(), abs(u)) else None
+        )
 
     @lru_cache(maxsize=8)  # noqa: B019  a page's runs are few and dropped together with their page
     def points(self, u: float) -> PointState:

@@ -1,4 +1,4 @@
-"""The picture of a case: bodies, notches, boundary conditions, dimensions, close-ups of mesh, grid and points."""
+"""The picture of a case: bodies, notches, boundary conditions, dimensions, close-ups of mesh and points."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cases.spacing import grid_lines
 
 from . import style
 from .outlines import body_polygons, draw_notches, draw_outlines, polygon_patch
-from .words import listed, number
+from .words import listed, number, plural
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,7 +64,7 @@ def place_in_words(case: Case, boundary: str) -> str:
         return f"point {_pair(chosen.point)} {unit}"
     if chosen.circle:
         return f"circle around {_pair(chosen.circle.centre)}, radius {number(chosen.circle.radius)} {unit}"
-    return f"{listed(chosen.edges or (chosen.edge,))} of the bounding box"
+    return f"{listed(chosen.edges or [str(chosen.edge)])} of the bounding box"
 
 
 def _pair(point: Any) -> str:
@@ -157,7 +157,7 @@ def _middle_of(case: Case, boundary: str) -> np.ndarray:
 # ---------------------------------------------------------------- drawing symbols
 
 
-def _draw_boundary(axes: Axes, case: Case, boundary: str, samples: Any, size: float) -> None:
+def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: float) -> None:
     """Draw the set's place, its symbols and its label outside the body."""
     constraints = conditions(case, boundary)
     _draw_place(axes, case.boundaries[boundary])
@@ -170,15 +170,21 @@ def _draw_boundary(axes: Axes, case: Case, boundary: str, samples: Any, size: fl
         anchor |= {"ha": "left" if side.normal[0] > 0 else "right"} if upright else {
             "va": "bottom" if side.normal[1] > 0 else "top"
         }  # fmt: skip
-        axes.text(*place, f"{boundary}: {words}", rotation=90 if upright else 0, fontsize=8.5, zorder=6, **anchor)
+        axes.text(
+            *place, f"{boundary}: {words}", rotation=90 if upright else 0, fontsize=8.5, zorder=6, **anchor
+        )
 
 
 def _draw_place(axes: Axes, chosen: Any) -> None:
     if chosen.box:
         corner, extent = np.asarray(chosen.box.lower), np.subtract(chosen.box.upper, chosen.box.lower)
-        axes.add_patch(Rectangle(tuple(corner), *extent, fill=False, hatch="////", edgecolor=style.GREY, linewidth=0.6))
+        axes.add_patch(
+            Rectangle(tuple(corner), *extent, fill=False, hatch="////", edgecolor=style.GREY, linewidth=0.6)
+        )
     if chosen.circle:
-        axes.add_patch(Circle(chosen.circle.centre, chosen.circle.radius, fill=False, edgecolor=MOVED, linewidth=1.2))
+        axes.add_patch(
+            Circle(chosen.circle.centre, chosen.circle.radius, fill=False, edgecolor=MOVED, linewidth=1.2)
+        )
     if chosen.point:
         axes.plot(*chosen.point, "o", color=style.INK, markersize=4, zorder=5)
 
@@ -242,7 +248,10 @@ def _draw_motion(axes: Axes, side: Side, constraint: Any, size: float, depth: fl
 def _draw_arrows(axes: Axes, side: Side, direction: np.ndarray, size: float, depth: float) -> float:
     outward = float(direction @ side.normal)
     length, gap = 1.5 * size, (depth + 0.15) * size
-    start = side.spread(5) + side.normal * (gap + (0.25 * size if abs(outward) < 0.5 else 0.0))
+    room = np.inf if abs(outward) > 0.5 else float(np.ptp(side.places, axis=0).max()) / (1.3 * length)
+    start = side.spread(int(np.clip(room, 1, 5))) + side.normal * (
+        gap + (0.25 * size if abs(outward) < 0.5 else 0.0)
+    )
     if outward < -0.5:
         start = start + side.normal * length  # pushing: the arrow ends at the side
     if abs(outward) < 0.5:
@@ -265,7 +274,9 @@ def _draw_bodies(axes: Axes, case: Case) -> None:
         polygons = body_polygons(body)
         for polygon in polygons:
             axes.add_patch(
-                polygon_patch(polygon, facecolor=tints[body.material], edgecolor=style.INK, linewidth=1.0, zorder=1)
+                polygon_patch(
+                    polygon, facecolor=tints[body.material], edgecolor=style.INK, linewidth=1.0, zorder=1
+                )
             )
         if len(case.bodies) > 1:
             place = polygons[0].representative_point()
@@ -275,9 +286,10 @@ def _draw_bodies(axes: Axes, case: Case) -> None:
 def _draw_dimensions(axes: Axes, case: Case, size: float) -> None:
     """Draw width and height of the bounding box outside the labels, and the length of each notch."""
     (lower, upper), unit = case.bounding_box(), case.units.label("length")
+    short = (upper - lower)[1] < 0.2 * (upper - lower)[0]
     below, left = lower[1] - 3.4 * size, lower[0] - 3.4 * size
     _dimension(axes, (lower[0], below), (upper[0], below), f"{number(upper[0] - lower[0])} {unit}")
-    _dimension(axes, (left, lower[1]), (left, upper[1]), f"{number(upper[1] - lower[1])} {unit}")
+    _dimension(axes, (left, lower[1]), (left, upper[1]), f"{number(upper[1] - lower[1])} {unit}", short)
     for notch in case.notches:
         start, end = np.asarray(notch.start, float), np.asarray(notch.end, float)
         length = np.hypot(*(end - start))
@@ -286,18 +298,23 @@ def _draw_dimensions(axes: Axes, case: Case, size: float) -> None:
         axes.annotate(
             f"notch ({notch.kind}) {number(length)} {unit}{width}", (start + end) / 2, xytext=(0, 5),
             textcoords="offset points", ha="center", va="bottom", fontsize=8, rotation=angle,
-            rotation_mode="anchor", zorder=6, bbox={"facecolor": BODY_TINTS[0], "edgecolor": "none", "pad": 0.8},
+            rotation_mode="anchor", zorder=6,
+            bbox={"facecolor": BODY_TINTS[0], "edgecolor": "none", "pad": 0.8},
         )  # fmt: skip
 
 
-def _dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
-    arrow = {"arrowstyle": "<->,head_width=0.15,head_length=0.35", "color": style.GREY, "lw": 0.8, "shrinkA": 0,
-             "shrinkB": 0}  # fmt: skip
+def _dimension(
+    axes: Any, start: tuple[float, float], end: tuple[float, float], text: str, short: bool = False
+) -> None:
+    """Draw a dimension line with its text on it, or left of it where the line is too short to hold it."""
+    head = "<->,head_width=0.15,head_length=0.35"
+    arrow = {"arrowstyle": head, "color": style.GREY, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", end, start, arrowprops=arrow, annotation_clip=False)
     upright = start[0] == end[0]
     middle = (np.asarray(start) + np.asarray(end)) / 2
     axes.text(
-        *middle, text, rotation=90 if upright else 0, ha="center", va="center", fontsize=8.5, color="#3b4046",
+        *middle, text, rotation=90 if upright and not short else 0, ha="right" if short else "center",
+        va="center", fontsize=8.5, color="#3b4046",
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
     )  # fmt: skip
 
@@ -306,9 +323,9 @@ def _dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float],
 
 
 def close_up_window(case: Case) -> np.ndarray:
-    """Return the corners (2, 2) of the close-ups: the notch's inner end, else the fine box's, else the middle."""
+    """Return the corners (2, 2) of the close-ups: the notch's inner end, else the fine box."""
     lower, upper = case.bounding_box()
-    half = min(CELLS_IN_A_CLOSE_UP / 2 * case.mesh.h, 0.5 * float((upper - lower).max()))
+    half = min(CELLS_IN_A_CLOSE_UP / 2 * case.mesh.h, 0.6 * float((upper - lower).min()))
     if case.notches:
         ends = np.array([case.notches[0].start, case.notches[0].end], dtype=float)
         inside = np.minimum(ends - lower, upper - ends).min(axis=1)
@@ -325,21 +342,35 @@ def _draw_mesh_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None
     corners = grid.points[grid.cells]
     near = np.all((corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1]), axis=1)
     colour = style.OKABE_ITO[0] if run.solver == "fem" else "#b9bec5"
-    axes.add_collection(PolyCollection(corners[near], facecolors="none", edgecolors=colour, linewidths=0.7))
+    axes.add_collection(
+        PolyCollection(
+            corners[near],
+            facecolors="none",
+            edgecolors=colour,
+            linewidths=0.7,
+            rasterized=near.sum() > style.RASTER_ABOVE,
+        )
+    )
 
 
 def _draw_points_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None:
     points = run.points(float(run.stored[0])).reference
     near = points[np.all((points >= window[0]) & (points <= window[1]), axis=1)]
-    axes.plot(*near.T, linestyle="none", marker="o", markersize=2.6, markeredgewidth=0, color=style.OKABE_ITO[1])
+    axes.plot(
+        *near.T,
+        linestyle="none",
+        marker="o",
+        markersize=2.6,
+        markeredgewidth=0,
+        color=style.OKABE_ITO[1],
+        rasterized=len(near) > style.RASTER_ABOVE,
+    )
 
 
 def _draw_planned_grid(axes: Axes, case: Case) -> None:
     x_lines, y_lines = grid_lines(case)
-    for x in x_lines:
-        axes.axvline(x, color=style.OKABE_ITO[0], linewidth=0.6)
-    for y in y_lines:
-        axes.axhline(y, color=style.OKABE_ITO[0], linewidth=0.6)
+    axes.vlines(x_lines, y_lines[0], y_lines[-1], color=style.OKABE_ITO[0], linewidth=0.6)
+    axes.hlines(y_lines, x_lines[0], x_lines[-1], color=style.OKABE_ITO[0], linewidth=0.6)
 
 
 def _close_up(axes: Axes, results: CaseResults, case: Case, solver: str, window: np.ndarray) -> str:
@@ -352,7 +383,7 @@ def _close_up(axes: Axes, results: CaseResults, case: Case, solver: str, window:
     draw_notches(axes, case, widen=1.6)
     if run is None:
         _draw_planned_grid(axes, case)
-        return "planned grid (no fields stored)"
+        return "planned grid"
     _draw_mesh_close_up(axes, run, window)
     if solver == "mpm":
         _draw_points_close_up(axes, run, window)
@@ -369,7 +400,11 @@ def _arrange(case: Case, close_ups: int) -> tuple[Figure, Axes, list[Axes]]:
     if height < 0.45 * width:
         figure = Figure(figsize=(8.4, 3.0 + 8.4 * (height / width + 0.25)), layout="constrained")
         grid = figure.add_gridspec(2, max(close_ups, 1), height_ratios=[8.4 * (height / width + 0.25), 2.6])
-        return figure, figure.add_subplot(grid[0, :]), [figure.add_subplot(grid[1, i]) for i in range(close_ups)]
+        return (
+            figure,
+            figure.add_subplot(grid[0, :]),
+            [figure.add_subplot(grid[1, i]) for i in range(close_ups)],
+        )
     figure = Figure(figsize=(8.4, 5.4), layout="constrained")
     grid = figure.add_gridspec(max(close_ups, 1), 2, width_ratios=[2.1, 1.0])
     return figure, figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[i, 1]) for i in range(close_ups)]
@@ -382,16 +417,17 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
         return None
     solvers = [s for s in ("fem", "mpm") if any(run.solver == s for run in results.runs.values())] or ["fem"]
     figure, main, close_ups = _arrange(case, len(solvers))
-    window = close_up_window(case)
+    window, unit = close_up_window(case), case.units.label("length")
     _draw_main(main, case, window)
     titles = [_close_up(axes, results, case, s, window) for axes, s in zip(close_ups, solvers, strict=True)]
     for axes, title in zip(close_ups, titles, strict=True):
-        axes.set_title(f"{title}, {number(np.ptp(window[:, 0]), 3)} {case.units.label('length')} wide")
+        axes.set_title(f"{title}, {number(np.ptp(window[:, 0]), 3)} {unit} wide")
     caption = (
-        f"{case.title}: {len(case.bodies)} {'body' if len(case.bodies) == 1 else 'bodies'}, plane {case.plane.assumption}, "
-        f"thickness {number(case.plane.thickness)} {case.units.label('length')}, spacing h = {number(case.mesh.h)} "
-        f"{case.units.label('length')}. Orange arrows: prescribed motion; hatching: held in both directions; "
-        f"triangles: held along their axis. The dashed frame is shown enlarged: {listed(titles)}."
+        f"{case.title}: {plural(len(case.bodies), 'body', 'bodies')}, plane {case.plane.assumption}, "
+        f"thickness {number(case.plane.thickness)} {unit}, spacing h = {number(case.mesh.h)} {unit}. "
+        "Orange arrows: prescribed motion; hatching: held in both directions; "
+        f"triangles: held along their axis. The dashed frame is shown "
+        f"enlarged: {listed(dict.fromkeys(titles))}."
     )
     return style.Drawing("scene", "Scene", caption, style.save(figure, folder, "scene"))
 
@@ -409,6 +445,8 @@ def _draw_main(axes: Axes, case: Case, window: np.ndarray) -> None:
         Rectangle(tuple(window[0]), *(window[1] - window[0]), fill=False, linestyle="--", linewidth=0.9,
                   edgecolor=style.INK, zorder=5)
     )  # fmt: skip
-    axes.set(xlim=(lower[0] - 4 * size, upper[0] + 3.4 * size), ylim=(lower[1] - 4 * size, upper[1] + 3.4 * size))
+    axes.set(
+        xlim=(lower[0] - 4.6 * size, upper[0] + 3.4 * size), ylim=(lower[1] - 4 * size, upper[1] + 3.4 * size)
+    )
     axes.set_aspect("equal")
     axes.axis("off")

@@ -28,7 +28,7 @@ RASTER_DPI = 200
 RASTER_ABOVE = 5000  # more cells or points than this are drawn as pixels inside the SVG
 BROKEN_BELOW = 0.08  # phase field under which the thesis removes material points (Fig. 4.9)
 
-SETTINGS: dict[str, Any] = {
+SETTINGS: Any = {
     "svg.hashsalt": "fracture-verify",  # identifiers inside the SVG are the same in every run
     "svg.fonttype": "path",
     "font.family": "DejaVu Sans",
@@ -40,7 +40,6 @@ SETTINGS: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.formatter.limits": (-4, 5),
-    "axes.formatter.use_mathtext": True,
     "xtick.color": "#3b4046",
     "ytick.color": "#3b4046",
     "xtick.labelsize": 8.0,
@@ -68,9 +67,10 @@ class Drawing:
 
 @contextmanager
 def drawing_style() -> Iterator[None]:
-    """Use the report's settings on the Agg canvas, whatever the user's matplotlibrc says."""
-    matplotlib.use("Agg")
-    with matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "Agg", **SETTINGS}):
+    """Use the report's settings, whatever the user's matplotlibrc says; figures here need no display."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(SETTINGS)
         yield
 
 

@@ -5,7 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from . import style
-from .words import STATUS_WORDS, against_in_words, measured_error, metric_in_words, number, percent, whole
+from .words import (
+    STATUS_WORDS,
+    against_in_words,
+    measured_error,
+    metric_in_words,
+    metric_meaning,
+    metric_unit,
+    number,
+    percent,
+    whole,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,12 +40,13 @@ def _check_row(results: CaseResults, check: Mapping[str, Any]) -> dict[str, Any]
     parameters = ", ".join(f"{name} = {value}" for name, value in (check.get("parameters") or {}).items())
     return {
         "metric": metric_in_words(metric),
+        "meaning": metric_meaning(metric),
         "parameters": parameters,
         "run": check["run"],
         "against": against_in_words(str(check.get("against", ""))),
         "value": number(check.get("value")),
         "target": number(check.get("target")),
-        "unit": metric_unit(results, metric),
+        "unit": metric_unit(metric, results.case),
         "error": measured_error(check),
         "limit": measured_error(check, "limit"),
         "margin": check.get("margin_used"),
@@ -46,11 +57,6 @@ def _check_row(results: CaseResults, check: Mapping[str, Any]) -> dict[str, Any]
         "source": check.get("source") or "",
         "note": check.get("note") or "",
     }
-
-
-def metric_unit(results: CaseResults, metric: str) -> str:
-    """Return the unit of a metric; nothing for pure numbers and where the case cannot be read."""
-    return ""
 
 
 def staggered_iterations(run: RunResults) -> int:
@@ -69,8 +75,12 @@ def seconds_per_iteration(run: RunResults) -> float | None:
 def cost_table(results: CaseResults) -> dict[str, Any]:
     """Return ``runs`` (column heads) and ``rows`` of (words, one text per run) of what each run took."""
     runs = results.shown_runs()
-    rows: list[tuple[str, list[str]]] = [("method", [style.NAME_OF_SOLVER.get(r.solver, r.solver) for r in runs])]
-    rows += [(COUNTER_WORDS.get(key, key.replace("_", " ")), _counts(runs, key)) for key in _keys(runs, "counters")]
+    rows: list[tuple[str, list[str]]] = [
+        ("method", [style.NAME_OF_SOLVER.get(r.solver, r.solver) for r in runs])
+    ]
+    rows += [
+        (COUNTER_WORDS.get(key, key.replace("_", " ")), _counts(runs, key)) for key in _keys(runs, "counters")
+    ]
     rows += [
         ("increments", [whole(len(run.history) - 1) for run in runs]),
         ("staggered iterations", [whole(staggered_iterations(run)) for run in runs]),
@@ -81,7 +91,10 @@ def cost_table(results: CaseResults) -> dict[str, Any]:
         rows.append((f"{key.replace('_', ' ')} [s]", texts))
     rows += [
         ("solve per staggered iteration [ms]", [_milliseconds(run) for run in runs]),
-        ("peak memory [MB]", [number(run.entry.get("memory_mb", run.record.get("memory_mb"))) for run in runs]),
+        (
+            "peak memory [MB]",
+            [number(run.entry.get("memory_mb", run.record.get("memory_mb"))) for run in runs],
+        ),
         ("threads", [whole(run.record.get("threads")) for run in runs]),
         ("processor", [str(run.record.get("processor") or "–") for run in runs]),
     ]
@@ -111,12 +124,13 @@ def cost_sentence(results: CaseResults) -> str:
     if not fem or not mpm:
         return ""
     return (
-        f"A staggered iteration of {runs['mpm'].name} (PF-MPM) takes {number(mpm / fem, 3)} times as long as one of "
-        f"{runs['fem'].name} (PF-FEM): {number(1000 * mpm, 3)} ms against {number(1000 * fem, 3)} ms."
+        f"A staggered iteration of {runs['mpm'].name} (PF-MPM) takes {number(mpm / fem, 3)} times as long "
+        f"as one of {runs['fem'].name} (PF-FEM): {number(1000 * mpm, 3)} ms against "
+        f"{number(1000 * fem, 3)} ms."
     )
 
 
-def run_rows(results: CaseResults) -> list[dict[str, str]]:
+def run_rows(results: CaseResults) -> list[dict[str, Any]]:
     """Return how each run ended and where its files lie."""
     return [
         {

@@ -5,8 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from verify.metrics import MetricError, find_metric
+from verify.metrics import metric_unit as unit_of_metric
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+
+    from cases import Case
 
 VERDICT_WORDS = {
     "PASS": "Pass",
@@ -22,17 +27,6 @@ STATUS_WORDS = {
     "no_convergence": "no convergence",
     "failed": "failed",
     "missing": "no results",
-}
-# Quantity whose unit a metric carries; metrics that are not listed are shown without a unit.
-QUANTITY_OF_METRIC = {
-    "peak_force": "force",
-    "displacement_at_peak": "displacement",
-    "dissipated_work": "energy",
-    "fracture_energy": "energy",
-    "crack_path_hausdorff": "length",
-    "crack_path_mean": "length",
-    "crack_length": "length",
-    "j_integral": "toughness",
 }
 
 
@@ -56,9 +50,9 @@ def percent(value: Any, digits: int = 3) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{number(100 * value, digits)} %"
 
 
-def plural(count: int, noun: str) -> str:
-    """Return ``1 check``, ``2 checks``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+def plural(count: int, noun: str, nouns: str = "") -> str:
+    """Return ``1 check``, ``2 checks``, ``3 bodies``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {nouns or noun + 's'}"
 
 
 def listed(items: Iterable[str]) -> str:
@@ -69,15 +63,34 @@ def listed(items: Iterable[str]) -> str:
 
 def metric_in_words(metric: str) -> str:
     """Return the metric's name as words."""
-    words = metric.replace("_", " ").replace("l2", "L2").strip()
+    words = metric.removeprefix("measure:").replace("_", " ").replace("l2", "L2").strip()
     return words[:1].upper() + words[1:]
+
+
+def metric_meaning(metric: str) -> str:
+    """Return what a metric measures; nothing for one that is not known."""
+    try:
+        return find_metric(metric).meaning
+    except MetricError:
+        return ""
+
+
+def metric_unit(metric: str, case: Case | None) -> str:
+    """Return the unit of a metric; nothing for pure numbers and without a case."""
+    try:
+        unit = unit_of_metric(metric, case) if case else ""
+    except MetricError:
+        return ""
+    return "" if unit == "1" else unit
 
 
 def against_in_words(against: str) -> str:
     """Return what a value is compared with as words."""
     kind, _, name = against.partition(":")
     sentences = {"none": "is itself an error", "exact": "exact solution", "baseline": "baseline"}
-    return {"reference": f"published: {name}", "value": f"value {name}"}.get(kind, sentences.get(kind, against))
+    return {"reference": f"published: {name}", "value": f"value {name}"}.get(
+        kind, sentences.get(kind, against)
+    )
 
 
 def worst_check(checks: Iterable[Mapping[str, Any]]) -> Mapping[str, Any] | None:
@@ -89,7 +102,8 @@ def worst_check(checks: Iterable[Mapping[str, Any]]) -> Mapping[str, Any] | None
 def measured_error(check: Mapping[str, Any], key: str = "error") -> str:
     """Return a check's error (or limit) in the measure that it is judged in."""
     value = check.get(key)
-    relative = check.get("measure", "relative") == "relative" and check.get("against") != "none"
+    is_itself_an_error = check.get("target") is None and check.get("error") is not None
+    relative = check.get("measure", "relative") == "relative" and not is_itself_an_error
     return percent(value) if relative else number(value)
 
 

@@ -61,7 +61,7 @@ increment = 1e-4
 [mesh]
 h = 0.025
 [output]
-snapshots = [0.0050, 0.0058, 0.0062]
+snapshots = [0.0050, 0.0058]
 [runs.fem]
 solver = "fem"
 [runs.mpm]
@@ -132,13 +132,25 @@ def fields(cells: int, state: State) -> Fields:
     c, n = state.phase_field(places), len(places)
     displacement = state.displacement(places)
     stress = np.zeros((n, 3))
-    stress[:, 1] = state.force * c**2 * (1.0 + 0.8 * np.exp(-np.hypot(places[:, 0] - 0.5, places[:, 1] - 0.5) / 0.1))
+    stress[:, 1] = (
+        state.force * c**2 * (1.0 + 0.8 * np.exp(-np.hypot(places[:, 0] - 0.5, places[:, 1] - 0.5) / 0.1))
+    )
     return Fields(
-        points=places + displacement, reference=places, volume=np.full(n, (0.5 / cells) ** 2),
-        displacement=displacement, gradient=np.zeros((n, 4)), phase_field=c, history_field=np.zeros(n),
-        stress=stress, energy_density=np.zeros(n), body=np.zeros(n, dtype=int), grid_points=grid,
-        grid_cells=quads, grid_displacement=state.displacement(grid), grid_phase_field=state.phase_field(grid),
-    )  # fmt: skip
+        points=places + displacement,
+        reference=places,
+        volume=np.full(n, (0.5 / cells) ** 2),
+        displacement=displacement,
+        gradient=np.zeros((n, 4)),
+        phase_field=c,
+        history_field=np.zeros(n),
+        stress=stress,
+        energy_density=np.zeros(n),
+        body=np.zeros(n, dtype=int),
+        grid_points=grid,
+        grid_cells=quads,
+        grid_displacement=state.displacement(grid),
+        grid_phase_field=state.phase_field(grid),
+    )
 
 
 def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict[str, Any]:
@@ -153,10 +165,20 @@ def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict
             before = (u, state.force)
             elastic = 0.5 * state.force * u
             increment = SimpleNamespace(
-                step=step, u=u, share=u / END, F=state.force, elastic_energy=elastic, fracture_energy=work - elastic,
-                external_work=work, c_min=1.0 - state.share_broken, staggered=4, newton=8, seconds=0.01,
-                status="converged", reason="",
-            )  # fmt: skip
+                step=step,
+                u=u,
+                share=u / END,
+                F=state.force,
+                elastic_energy=elastic,
+                fracture_energy=work - elastic,
+                external_work=work,
+                c_min=1.0 - state.share_broken,
+                staggered=4,
+                newton=8,
+                seconds=0.01,
+                status="converged",
+                reason="",
+            )
             writer.increment(increment, SimpleNamespace(fields=lambda s=state: fields(cells, s)))
         writer.last_state(SimpleNamespace(fields=lambda: fields(cells, State(END, factor))))
         x = np.linspace(0.5, 1.0, 60)
@@ -169,14 +191,35 @@ def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict
 def _info(case: Any, run: str, solver: str, cells: int) -> dict[str, Any]:
     part = 1.0 if solver == "fem" else 1.13
     return {
-        "case": case.name, "tier": case.tier, "run": run, "solver": solver, "status": "broken_through", "reason": "",
-        "case_hash": case.hash(), "code_version": "0.1.0", "versions": {"numpy": "2.0"}, "processor": "a <processor>",
-        "threads": 2, "memory_mb": 512.5, "measures": {},
-        "counters": {"unknowns_displacement": 2 * (cells + 1) ** 2, "unknowns_phase_field": (cells + 1) ** 2,
-                     "points": 4 * cells**2, "cells": cells**2, "factorisations": 300, "newton": 520},
-        "seconds": {"warm_up": 1.25, "assembly": 3.0 * part, "factorisation": 6.0 * part, "solve": 20.0 * part,
-                    "total": 22.0 * part},
-    }  # fmt: skip
+        "case": case.name,
+        "tier": case.tier,
+        "run": run,
+        "solver": solver,
+        "status": "broken_through",
+        "reason": "",
+        "case_hash": case.hash(),
+        "code_version": "0.1.0",
+        "versions": {"numpy": "2.0"},
+        "processor": "a <processor>",
+        "threads": 2,
+        "memory_mb": 512.5,
+        "measures": {},
+        "counters": {
+            "unknowns_displacement": 2 * (cells + 1) ** 2,
+            "unknowns_phase_field": (cells + 1) ** 2,
+            "points": 4 * cells**2,
+            "cells": cells**2,
+            "factorisations": 300,
+            "newton": 520,
+        },
+        "seconds": {
+            "warm_up": 1.25,
+            "assembly": 3.0 * part,
+            "factorisation": 6.0 * part,
+            "solve": 20.0 * part,
+            "total": 22.0 * part,
+        },
+    }
 
 
 def write_verification(out: Path, cells: int = 40) -> dict[str, Any]:
@@ -187,44 +230,99 @@ def write_verification(out: Path, cells: int = 40) -> dict[str, Any]:
     points = pd.DataFrame({"u": u, "F": [0.99 * State(v, 1.0).force for v in u]})
     points.to_csv(source.with_name("someone2010.csv"), index=False)
     source.write_text(CASE, encoding="utf-8")
-    source.with_name("README.md").write_text("# Notes\n\n| a | b |\n|---|---|\n| 1 | <script>x</script> |\n", "utf-8")
+    source.with_name("README.md").write_text(
+        "# Notes\n\n| a | b |\n|---|---|\n| 1 | <script>x</script> |\n", "utf-8"
+    )
     case = load_case(source)
     runs = {
         "fem": write_run(case, "fem", out, cells, 1.0),
         "mpm": write_run(case, "mpm", out, cells, FORCE_OF_MPM),
     }
     runs |= {
-        f"levels[h={h:g}]": {"folder": "", "status": "missing", "reason": "", "seconds": {}, "counters": {},
-                             "measures": {"l2_error_displacement": 0.3 * h**3}, "solver": "mpm"}
+        f"levels[h={h:g}]": {
+            "folder": "",
+            "status": "missing",
+            "reason": "",
+            "seconds": {},
+            "counters": {},
+            "measures": {"l2_error_displacement": 0.3 * h**3},
+            "solver": "mpm",
+        }
         for h in (0.05, 0.025, 0.0125)
-    }  # fmt: skip
-    summary = {"version": "0.1.0", "created": "2026-01-01T00:00:00", "tier": case.tier, "cases": [_entry(case, runs, out)]}
+    }
+    summary = {
+        "version": "0.1.0",
+        "created": "2026-01-01T00:00:00",
+        "tier": case.tier,
+        "cases": [_entry(case, runs, out)],
+    }
     (out / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
     return summary
 
 
 def _entry(case: Any, runs: dict[str, Any], out: Path) -> dict[str, Any]:
-    common = {"metric": "peak_force", "run": "mpm", "measure": "relative", "gate": True, "note": "", "parameters": {}}
+    common = {
+        "metric": "peak_force",
+        "run": "mpm",
+        "measure": "relative",
+        "gate": True,
+        "note": "",
+        "parameters": {},
+    }
     against_fem = common | {
-        "against": "fem", "value": 0.68136, "target": 0.67864, "error": 0.004008, "limit": 0.01, "margin_used": 0.4008,
-        "verdict": "PASS", "reason": "the thesis finds 0.014 %", "source": "",
-    }  # fmt: skip
+        "against": "fem",
+        "value": 0.68136,
+        "target": 0.67864,
+        "error": 0.004008,
+        "limit": 0.01,
+        "margin_used": 0.4008,
+        "verdict": "PASS",
+        "reason": "the thesis finds 0.014 %",
+        "source": "",
+    }
     published = common | {
-        "against": "reference:someone2010", "value": 0.68136, "target": 0.55, "error": 0.23884, "limit": 0.03,
-        "margin_used": 7.961, "verdict": "FAIL", "reason": "two readings <differ>", "source": "Someone & Other (2010)",
-    }  # fmt: skip
+        "against": "reference:someone2010",
+        "value": 0.68136,
+        "target": 0.55,
+        "error": 0.23884,
+        "limit": 0.03,
+        "margin_used": 7.961,
+        "verdict": "FAIL",
+        "reason": "two readings <differ>",
+        "source": "Someone & Other (2010)",
+    }
     missing = common | {
-        "against": "baseline", "value": 0.68136, "target": None, "error": None, "limit": 0.001, "margin_used": None,
-        "verdict": "MISSING", "reason": "own baseline", "source": "", "note": "no baseline for this tier",
-    }  # fmt: skip
+        "against": "baseline",
+        "value": 0.68136,
+        "target": None,
+        "error": None,
+        "limit": 0.001,
+        "margin_used": None,
+        "verdict": "MISSING",
+        "reason": "own baseline",
+        "source": "",
+        "note": "no baseline for this tier",
+    }
     return {
-        "case": case.name, "source": str(case.source), "title": case.title, "section": case.section,
-        "requirement": case.requirement, "tier": case.tier, "verdict": "FAIL",
-        "command": f"verify run {case.name} && verify compare {case.name}", "runs": runs,
+        "case": case.name,
+        "source": str(case.source),
+        "title": case.title,
+        "section": case.section,
+        "requirement": case.requirement,
+        "tier": case.tier,
+        "verdict": "FAIL",
+        "command": f"verify run {case.name} && verify compare {case.name}",
+        "runs": runs,
         "checks": [against_fem, published, missing],
-        "curves": [_curve("mpm", "fem", out), _curve("mpm", "someone2010", out), _curve("fem", "someone2010", out)],
-        "crack_paths": [{"pair": "mpm vs fem", "run": "mpm", "reference": "fem", "hausdorff": 0.004, "mean": 0.0025}],
-    }  # fmt: skip
+        "curves": [
+            _curve("mpm", "fem", out),
+            _curve("mpm", "someone2010", out),
+            _curve("fem", "someone2010", out),
+        ],
+        "crack_paths": [
+            {"pair": "mpm vs fem", "run": "mpm", "reference": "fem", "hausdorff": 0.004, "mean": 0.0025}
+        ],
+    }
 
 
 def _curve(run: str, reference: str, out: Path) -> dict[str, Any]:
@@ -239,6 +337,12 @@ def _curve(run: str, reference: str, out: Path) -> dict[str, Any]:
     (out / file).parent.mkdir(exist_ok=True)
     table.to_csv(out / file, index=False)
     return {
-        "against": f"{run} vs {reference}", "run": run, "reference": reference, "file": file.as_posix(), "note": "",
-        "l2_percent_before_peak": 0.4, "l2_percent_after_peak": 3.21, "l2_percent_whole": 1.5,
-    }  # fmt: skip
+        "against": f"{run} vs {reference}",
+        "run": run,
+        "reference": reference,
+        "file": file.as_posix(),
+        "note": "",
+        "l2_percent_before_peak": 0.4,
+        "l2_percent_after_peak": 3.21,
+        "l2_percent_whole": 1.5,
+    }

@@ -1,0 +1,166 @@
+"""The report: what it shows is what the summary says, and it comes out whatever is missing."""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_run import TITLE, write_verification
+
+from reports import write_report
+from reports.fields import point_image
+from reports.report import SECTIONS
+from reports.words import number, percent, verdict_sentence
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The report of a synthetic verification: its folder and its summary."""
+    out = tmp_path_factory.mktemp("out")
+    summary = write_verification(out, cells=12)
+    assert write_report(out) == out / "index.html"
+    return out, summary
+
+
+def pages(out: Path) -> list[Path]:
+    return [out / "index.html", *sorted((out / "pages").glob("*.html"))]
+
+
+def text_of(page: Path) -> str:
+    """The words of a page without its markup."""
+    body = re.sub(r"(?s)<style>.*?</style>", "", page.read_text(encoding="utf-8"))
+    return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", body)))
+
+
+def test_there_is_one_page_per_case_and_an_overview(report: tuple[Path, dict[str, Any]]) -> None:
+    out, summary = report
+    assert len(pages(out)) == 1 + len(summary["cases"])
+
+
+def test_every_link_and_figure_exists_and_nothing_comes_from_elsewhere(
+    report: tuple[Path, dict[str, Any]],
+) -> None:
+    out, _ = report
+    for page in pages(out):
+        links = re.findall(r'(?:href|src)="([^"#]+)"', page.read_text(encoding="utf-8"))
+        assert links
+        for link in links:
+            assert "//" not in link
+            assert (page.parent / html.unescape(link)).exists(), link
+
+
+def test_all_sections_are_drawn(report: tuple[Path, dict[str, Any]]) -> None:
+    out, _ = report
+    drawn = {file.stem for file in (out / "figures").rglob("*.svg")}
+    assert drawn >= {
+        "scene", "load-displacement", "relative-error-fem", "relative-error-someone2010", "energies",
+        "phase-field", "crack-paths", "distortion", "hydrostatic-stress", "convergence-l2_error_displacement",
+    }  # fmt: skip
+    assert "could not be drawn" not in text_of(pages(out)[1])
+
+
+def test_no_template_variable_is_left(report: tuple[Path, dict[str, Any]]) -> None:
+    for page in pages(report[0]):
+        assert not re.search(r"\{\{|\}\}|\{%|Undefined|\bNone\b|\bnan\b", text_of(page))
+
+
+def test_numbers_on_the_page_are_those_of_the_summary(report: tuple[Path, dict[str, Any]]) -> None:
+    out, summary = report
+    page = text_of(pages(out)[1])
+    for check in summary["cases"][0]["checks"]:
+        for shown in (
+            number(check["value"]),
+            percent(check["error"]),
+            percent(check["margin_used"]),
+            check["reason"],
+        ):
+            assert shown in page
+    for curve in summary["cases"][0]["curves"]:
+        assert f"{number(curve['l2_percent_after_peak'], 3)} %" in page
+    assert "Hausdorff distance 0.004 mm, mean distance 0.0025 mm" in page
+    assert "takes 1.13 times as long" in page
+
+
+def test_special_characters_are_escaped(report: tuple[Path, dict[str, Any]]) -> None:
+    for page in pages(report[0]):
+        assert TITLE in text_of(page)
+        source = page.read_text(encoding="utf-8")
+        assert "<plate>" not in source
+        assert "<script" not in source
+
+
+def test_the_data_behind_a_curve_are_the_history(report: tuple[Path, dict[str, Any]]) -> None:
+    out, summary = report
+    table = pd.read_csv(next((out / "figures").rglob("load-displacement.csv")))
+    history = pd.read_csv(out / summary["cases"][0]["runs"]["mpm"]["folder"] / "history.csv")
+    np.testing.assert_allclose(table.loc[table["run"] == "mpm", "F"], history["F"], rtol=1e-9)
+    slope = pd.read_csv(next((out / "figures").rglob("convergence-*.csv")))
+    assert np.polyfit(np.log(slope["h"]), np.log(slope["error"]), 1)[0] == pytest.approx(3.0)
+    assert set(slope["theory"]) == {3.0}
+
+
+def test_a_missing_run_and_a_damaged_case_are_said(
+    report: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    out = tmp_path / "copy"
+    shutil.copytree(report[0], out)
+    shutil.rmtree(out / "runs" / "notched" / "standard" / "mpm")
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    summary["cases"][0]["source"] = str(tmp_path / "gone" / "case.toml")
+    (out / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    write_report(out)
+    page = text_of(pages(out)[1])
+    assert "Not shown: mpm. Reason:" in page
+    assert "The case description could not be read" in page
+    assert (out / "figures" / "notched-standard" / "load-displacement.svg").exists()
+
+
+def test_an_empty_summary_and_none_at_all(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="verify compare"):
+        write_report(tmp_path)
+    summary = {"version": "1", "created": "now", "tier": "quick", "cases": []}
+    (tmp_path / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    assert "no case" in text_of(write_report(tmp_path))
+
+
+def test_equal_results_give_equal_figures(report: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(report[0], copy, ignore=shutil.ignore_patterns("figures"))
+    write_report(copy)
+    first, second = (
+        {
+            file.name: hashlib.sha256(file.read_bytes()).hexdigest()
+            for file in (out / "figures").rglob("*.svg")
+        }
+        for out in (report[0], copy)
+    )
+    assert first
+    assert first == second
+
+
+def test_points_are_painted_where_they_are() -> None:
+    places = np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 0.5]])
+    image, extent = point_image(places, np.ones(3), np.array([1.0, 2.0, 4.0]))
+    assert extent[:2] == pytest.approx((0.0, 3.0), abs=1e-2)
+    assert not image.mask.any()
+    assert image.mean() == pytest.approx(7.0 / 3.0, rel=1e-2)
+    assert image[0, 0] == 1.0
+    assert image[-1, -1] == 4.0
+
+
+def test_the_verdict_sentence_names_the_tightest_check() -> None:
+    loose = {"metric": "peak_force", "run": "mpm", "against": "fem", "target": 0.7, "error": 1e-3, "limit": 1e-2,
+             "margin_used": 0.1, "verdict": "PASS", "gate": True, "measure": "relative"}  # fmt: skip
+    tight = loose | {"metric": "initial_stiffness", "error": 9e-3, "margin_used": 0.9}
+    shown_only = loose | {"metric": "fracture_energy", "margin_used": 7.0, "gate": False}
+    sentence = verdict_sentence({"checks": [loose, tight, shown_only]})
+    assert sentence.startswith("2 of 2 gated checks within the limit.")
+    assert "uses 90 % of its limit (initial stiffness of mpm against fem: error 0.9 %, limit 1 %)" in sentence
