@@ -278,14 +278,29 @@ def _filled(graph: Graph, size: SizeField) -> tuple[MeshArrays, Integers]:
 
 def _parameters(size: SizeField) -> netgen.MeshingParameters:
     """Largest size, growth, and lines over the fine box along which the size is held to h."""
-    asked = ASKED * size.h
-    if size.is_uniform:
-        return netgen.MeshingParameters(maxh=asked, grading=size.grading)
     parameters = netgen.MeshingParameters(maxh=ASKED * size.coarse, grading=size.grading)
+    for feature in size.features:
+        _restrict_around(feature, size, parameters)
+    if size.is_uniform:
+        return parameters
+    asked = ASKED * size.h
     (left, bottom), (right, top) = size.lower - asked, size.upper + asked
     for y in np.linspace(bottom, top, int(np.ceil((top - bottom) / asked)) + 1):
         parameters.RestrictHLine(netgen.Pnt(left, y, 0.0), netgen.Pnt(right, y, 0.0), asked)
     return parameters
+
+
+def _restrict_around(feature: Feature, size: SizeField, parameters: netgen.MeshingParameters) -> None:
+    """Hold the size on rings about the feature: by itself netgen lets it grow faster than its own grading."""
+    away, wanted = 0.0, feature.size
+    while wanted < size.coarse:
+        for radius in (feature.radius - away, feature.radius + away):
+            angle = np.arange(0.0, 2.0 * np.pi, wanted / max(radius, wanted))
+            around = feature.centre + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+            for x, y in around if radius >= 0.0 else ():
+                parameters.RestrictH(x=float(x), y=float(y), z=0.0, h=ASKED * wanted)
+        away += wanted
+        wanted = feature.size + size.grading * away
 
 
 def _onto_circles(points: Floats, segments: Integers, graph: Graph, circles: Sequence[Circle]) -> Floats:

@@ -134,6 +134,13 @@ def test_small_holes_and_slits_beside_a_coarse_circle_give_sound_triangles(
     assert opened.min() == pytest.approx(10.0, abs=1e-8)
 
 
+@pytest.mark.parametrize("gap", [0.3, 1.0])
+def test_sizes_grow_evenly_from_a_small_hole(tmp_path: Path, gap: float) -> None:
+    small_hole = f"{{ disc = {{ centre = [{46.7 + gap}, 51.0], radius = 0.2 }} }}"
+    mesh = build_mesh(write_case(tmp_path, PLATE_WITH_HOLE.replace("[{", f"[{small_hole}, {{"), "h = 5"))
+    assert quality(mesh).smallest_angle > 20.0
+
+
 def test_a_body_thinner_than_the_grid_resolves_is_refused(tmp_path: Path) -> None:
     film = "{ rectangle = { lower = [1, 0], upper = [1.00005, 1] } }"
     bodies = f"""
