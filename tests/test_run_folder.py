@@ -156,6 +156,24 @@ def test_a_kill_between_the_two_renames_gives_the_older_run_back(case_file: Path
     assert len(RunFolder(old.folder).history) == 11
 
 
+def test_the_older_run_goes_only_once_the_new_one_has_its_name(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = run(case_file, "fem", "quick", tmp_path)
+    rename = os.replace
+
+    def stop_before_the_new_name(source: Path, target: Path) -> None:
+        if Path(source).name.endswith(".partial"):
+            raise OSError(errno.EIO, "Input/output error")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "replace", stop_before_the_new_name)
+    with pytest.raises(WriteError, match="could not be written"):
+        run(case_file, "fem", "quick", tmp_path, force=True)
+    monkeypatch.undo()
+    assert len(RunFolder(old.folder).history) == 11
+
+
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EACCES])
 def test_a_refusing_disk_is_one_sentence_and_the_older_run_stays(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int

@@ -75,8 +75,10 @@ class Lines:
         if now - self._said_at < self._interval:
             return
         self._said_at = now
-        left = (now - self._started) * (1.0 / increment.share - 1.0) if increment.share > 0 else float("nan")
-        self._say(f"{100 * increment.share:5.1f} %  {_state(increment)}  about {left:.0f} s left")
+        left = ""
+        if increment.share > 0:
+            left = f"  about {(now - self._started) * (1.0 / increment.share - 1.0):.0f} s left"
+        self._say(f"{100 * increment.share:5.1f} %  {_state(increment)}{left}")
 
     def _say(self, text: str) -> None:
         self._console.print(f"{self._title}: {text}", markup=False, highlight=False, soft_wrap=True)
