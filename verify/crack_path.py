@@ -108,7 +108,8 @@ def trace_crack(
     if path_length(skeleton.nodes[path]) < 2.0 * half_width:
         return NO_CRACK
     branches = skeleton.side_branches(path, half_width + 2.0 * h)
-    polyline = _refine(skeleton.nodes[path], field, h, half_width, threshold)
+    core = skeleton.nodes[_without_hooks(path, skeleton.half_width[path])]
+    polyline = _refine(core, field, h, half_width, threshold)
     polyline = _begin_at(polyline, start, reach)
     return CrackPath(polyline, branches, 2 + branches) if len(polyline) > 1 else NO_CRACK
 
@@ -282,6 +283,12 @@ class _Skeleton:
             known, count = known + self._way_to(node, previous), count + 1
 
 
+def _without_hooks(path: list[int], half_width: Array) -> list[int]:
+    """The path without its ends nearer to the rim: there a skeleton leaves the middle for a corner."""
+    wide = np.flatnonzero(half_width >= 0.8 * np.median(half_width))
+    return path[wide[0] : wide[-1] + 1]
+
+
 # --- ridge ----------------------------------------------------------------------------------------
 
 
@@ -290,11 +297,10 @@ def _refine(path: Array, field: Field, h: float, half_width: float, threshold: f
     spacing = 0.5 * h
     length = path_length(path)
     window = max(1.5 * h, 0.5 * half_width)
-    # the skeleton bends towards the rim, or stops short of the tip, within about twice its half width
-    cut = min(2.0 * half_width, length / 3.0)
+    cut = min(half_width, length / 3.0)  # the skeleton's ends lean to the rim or stop short of the tip
     core = _shortened(resample(_smooth(resample(path, spacing)), spacing), cut, spacing)
     core = _smooth(_to_ridge(core, field, window, spacing))
-    extension = int(np.ceil((cut + 1.5 * half_width + 2.0 * h) / spacing))
+    extension = int(np.ceil((cut + 3.0 * half_width + 2.0 * h) / spacing))
     line = _extended(core, extension, spacing, 2.0 * half_width)
     for _ in range(3):
         line = _smooth(_to_ridge(line, field, window, spacing))

@@ -258,8 +258,9 @@ class CurveComparison:
     """How far a curve is from its reference, over their common range.
 
     errors : table with columns coordinate (u in loading direction, or the path travelled when cyclic), u,
-        F_reference, F, relative_error_percent (Eq. 4.19; NaN where the reference is below
-        ``NEGLIGIBLE_FORCE`` of its peak) and peak_error_percent (difference over the reference's peak force).
+        F_reference, F, relative_error_percent (Eq. 4.19; where the reference is below ``NEGLIGIBLE_FORCE`` of
+        its peak NaN, or, if the other curve still is above ``BROKEN_FRACTION`` of it, over that force) and
+        peak_error_percent (difference over the reference's peak force).
     l2_percent_* : root of the mean over u of the squared relative error, in percent; before the peak means up
         to the smaller of the two displacements at peak. NaN where the range holds no point.
     l2_peak_percent_* : the same of peak_error_percent, which stays finite where a converged scheme drops
@@ -371,9 +372,6 @@ def _error_table(
     F_reference = np.interp(grid, along_reference, reference.F)
     F = np.interp(grid, along_other, other.F)
     peak = abs(peak_force(reference))
-    significant = np.abs(F_reference) >= NEGLIGIBLE_FORCE * peak
-    relative = np.full(len(grid), np.nan)
-    relative[significant] = 100.0 * (F - F_reference)[significant] / F_reference[significant]
     longer = reference if along_reference[-1] >= along_other[-1] else other
     longest = along_reference if longer is reference else along_other
     return pd.DataFrame(
@@ -382,14 +380,25 @@ def _error_table(
             "u": np.interp(grid, longest, longer.u),
             "F_reference": F_reference,
             "F": F,
-            "relative_error_percent": relative,
+            "relative_error_percent": _relative_error_percent(F_reference, F, peak),
             "peak_error_percent": 100.0 * (F - F_reference) / peak,
         }
     )
 
 
+def _relative_error_percent(F_reference: Array, F: Array, peak: float) -> Array:
+    """Eq. 4.19; NaN where both forces are next to nothing.
+
+    Where only the reference is, the other curve has outlived it: that is an error, and a finite one.
+    """
+    significant = np.abs(F_reference) >= NEGLIGIBLE_FORCE * peak
+    outlived = ~significant & (np.abs(F) > BROKEN_FRACTION * peak)
+    scale = np.where(significant, F_reference, np.where(outlived, BROKEN_FRACTION * peak, np.nan))
+    return 100.0 * (F - F_reference) / scale
+
+
 def _summarise(errors: pd.DataFrame, split: float, cyclic: bool, coverage: float) -> CurveComparison:
-    before = errors["coordinate"] <= split
+    before = errors["coordinate"] < split  # at the peak itself the force may already have dropped
     relative, of_peak = errors["relative_error_percent"], errors["peak_error_percent"]
     return CurveComparison(
         errors=errors,

@@ -344,7 +344,7 @@ PAIR_METRICS = _registry(
         curve_max_error_until,
     ),
     Metric("path_hausdorff", "length", "largest distance of the crack paths", _of_paths(paths.hausdorff)),
-    Metric("path_mean_distance", "length", "mean distance of the crack paths", _of_paths(paths.mean_distance)),
+    Metric("path_mean_distance", "length", "mean distance of crack paths", _of_paths(paths.mean_distance)),
     Metric(
         "path_hausdorff_over_h",
         "number",
