@@ -145,9 +145,12 @@ class Mpm(Table):
     order : polynomial order of the B-splines
     placement : of the points in their cells: on Gauss points, regularly, or at random
     points_per_cell : per direction
-    constraints_on : the points of the boundary, by a penalty, or the nodes of the grid
+    constraints_on : the edges of the points at the boundary or the points themselves, both by a penalty, or
+        the nodes of the grid
     penalty : in multiples of the stiffness, dimensionless
     move_points : carry the points with the displacement
+    strain : measured on the initial geometry, as small strain theory and the FEM have it, or on the updated one
+    fill_cells : let the points' volumes fill the body's inner cells exactly
     margin : cells of grid around the body
     """
 
@@ -155,9 +158,11 @@ class Mpm(Table):
     placement: Literal["gauss", "regular", "random"] = "gauss"
     points_per_cell: Annotated[Whole, Field(ge=1, le=16)] = 2
     seed: Annotated[Whole, Field(ge=0)] = 0
-    constraints_on: Literal["points", "nodes"] = "points"
+    constraints_on: Literal["edges", "points", "nodes"] = "edges"
     penalty: Annotated[Number, Field(gt=0)] = 1e4
     move_points: Switch = True
+    strain: Literal["initial", "updated"] = "initial"
+    fill_cells: Switch = True
     margin: Annotated[Whole, Field(ge=0)] = 5
     linear_solver: Literal["direct", "gmres"] = "direct"
 

@@ -77,17 +77,32 @@ def tangents(slope, volume, gradient, degradation, split, lam, mu, local):
 
 
 @njit(cache=True, parallel=True)
-def phase_field_matrices(shape, slope, volume, reaction, diffusion, local):
-    """Upper halves of the phase field's element matrices, into ``local`` (n_el, k (k + 1) / 2)."""
+def phase_field_matrices(
+    nodes, shape, slope, volume, reaction, resistance, diffusion, nodal, local, out_of_balance
+):
+    """Phase field equation of each element at a nodal phase field.
+
+    Upper halves of the matrices into ``local`` (n_el, k (k + 1) / 2) and the residual with its sign turned into
+    ``out_of_balance`` (n_el, k).
+    """
     for e in prange(slope.shape[0]):
         local[e, :] = 0.0
+        out_of_balance[e, :] = 0.0
         for q in range(slope.shape[1]):
+            c = cx = cy = 0.0
+            for a in range(nodes.shape[1]):
+                c += shape[q, a] * nodal[nodes[e, a]]
+                cx += slope[e, q, a, 0] * nodal[nodes[e, a]]
+                cy += slope[e, q, a, 1] * nodal[nodes[e, a]]
             w_mass, w_slope = reaction[e, q] * volume[e, q], diffusion[e] * volume[e, q]
+            source = (resistance[e] - reaction[e, q] * c) * volume[e, q]
             entry = 0
             for a in range(slope.shape[2]):
+                nx, ny = w_slope * slope[e, q, a, 0], w_slope * slope[e, q, a, 1]
+                out_of_balance[e, a] += shape[q, a] * source - nx * cx - ny * cy
                 for b in range(a, slope.shape[2]):
-                    slopes = slope[e, q, a, 0] * slope[e, q, b, 0] + slope[e, q, a, 1] * slope[e, q, b, 1]
-                    local[e, entry] += w_mass * shape[q, a] * shape[q, b] + w_slope * slopes
+                    slopes = nx * slope[e, q, b, 0] + ny * slope[e, q, b, 1]
+                    local[e, entry] += w_mass * shape[q, a] * shape[q, b] + slopes
                     entry += 1
 
 

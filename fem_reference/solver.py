@@ -73,6 +73,7 @@ class FiniteElements:
         self._phase_pattern = SymmetricPattern(equations, self.constraints.phase_size)
         self._phase_solver = linear_solver(self._phase_pattern, Costs())
         self._phase_local = kernels.packed(self.elements.shape[1], len(self.elements))
+        self._out_of_balance = np.empty(self.elements.shape)
 
     def _body_forces(self) -> NDArray:
         """Nodal forces (2 n_nodes,) of the exact solution's body force at unit load."""
@@ -93,7 +94,7 @@ class FiniteElements:
         self._stress, self._psi = np.zeros((n_elements, n_gauss, 3)), np.zeros((n_elements, n_gauss, 2))
         self._forces = np.zeros((n_elements, self._unknowns.shape[1]))
         self._c, self._slope_squared = np.ones((n_elements, n_gauss)), np.zeros((n_elements, n_gauss))
-        self._force_scale = 0.0
+        self._force_scale = self._applied = 0.0
         self.history_field = self._initial_history()
         self._committed = (self.displacement.copy(), self.nodal_phase_field.copy())
         self.costs.count.update(
@@ -130,28 +131,19 @@ class FiniteElements:
         if not self._breaks:
             return self.phase_field
         with self.costs.timed("phase_field"):
-            reaction = self._coefficients.reaction(history_field.reshape(self.volume.shape))
+            coefficients, constraints = self._coefficients, self.constraints
             kernels.phase_field_matrices(
-                self.shape, self.slope, self.volume, reaction, self._coefficients.diffusion[:, 0], self._phase_local
-            )
-            correction = self._solve_phase_correction(reaction)
-            equations = self.constraints.phase_equations
+                self.elements, self.shape, self.slope, self.volume,
+                coefficients.reaction(history_field.reshape(self.volume.shape)), coefficients.resistance[:, 0],
+                coefficients.diffusion[:, 0], self.nodal_phase_field, self._phase_local, self._out_of_balance,
+            )  # fmt: skip
+            equations = constraints.phase_equations
+            residual = gather_vector(equations[self.elements], self._out_of_balance, constraints.phase_size)
+            values = self._phase_pattern.gather(self._phase_local)
             free = equations >= 0
-            self.nodal_phase_field[free] += correction[equations[free]]
+            self.nodal_phase_field[free] += self._phase_solver.solve(values, residual)[equations[free]]
             self._map_phase_field()
         return self.phase_field.copy()
-
-    def _solve_phase_correction(self, reaction: NDArray) -> NDArray:
-        """Change of the nodal phase field from its residual (Eq. 4.13), prescribed values included."""
-        self._map_phase_field()
-        mass = (self._coefficients.resistance - reaction * self._c) * self.volume
-        local = mass @ self.shape
-        slopes = np.einsum("eqai,ea->eqi", self.slope, self.nodal_phase_field[self.elements])
-        slopes *= (self._coefficients.diffusion * self.volume)[..., None]
-        local -= np.einsum("eqai,eqi->ea", self.slope, slopes)
-        equations = self.constraints.phase_equations[self.elements]
-        residual = gather_vector(equations, local, self.constraints.phase_size)
-        return self._phase_solver.solve(self._phase_pattern.gather(self._phase_local), residual)
 
     def _map_phase_field(self) -> None:
         kernels.scalar_at_points(
@@ -181,9 +173,10 @@ class FiniteElements:
             self._nodal_forces = gather_vector(self._unknowns, self._forces, size) - self._load * self._external
             fixed = self._nodal_forces[self.constraints.prescribed]
             applied = float(np.linalg.norm(fixed) + np.linalg.norm(self._load * self._external))
-            self._force_scale = max(self._force_scale, applied)
+            self._applied = applied
             equations = self.constraints.equations
-            return gather_vector(equations, self._nodal_forces, self.constraints.size), self._force_scale
+            residual = gather_vector(equations, self._nodal_forces, self.constraints.size)
+            return residual, max(self._force_scale, applied)
 
     def _evaluate_forces(self) -> None:
         kernels.displacement_gradients(self.elements, self.slope, self.displacement, self._gradient)
@@ -203,6 +196,7 @@ class FiniteElements:
 
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state."""
+        self._force_scale = max(self._force_scale, self._applied)
         self.history_field = history_field
         self._committed = (self.displacement.copy(), self.nodal_phase_field.copy())
 

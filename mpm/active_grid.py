@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from .grid import Grid
 
@@ -21,6 +21,7 @@ class ActiveGrid:
     cell : (n_points,) cell of each point.
     starts, members : points of cell e are ``members[starts[e]:starts[e + 1]]``.
     n_occupied : cells that hold points.
+    shift : (2,) where the grid stands in this step, from its first place.
     """
 
     def __init__(self, grid: Grid, cells: tuple[NDArray, NDArray]) -> None:
@@ -32,6 +33,7 @@ class ActiveGrid:
         self._number = np.full(grid.shape, -1, dtype=np.int64)
         self._number[self._x, self._y] = np.arange(len(self._x))
         self.nodes = grid.cell_nodes(self._x, self._y)
+        self.shift = np.zeros(2)
 
     def holds(self, cells: tuple[NDArray, NDArray]) -> bool:
         """Whether all points' cells are among these."""
@@ -44,6 +46,25 @@ class ActiveGrid:
         self.starts = np.concatenate([[0], np.cumsum(counts)])
         self.members = np.argsort(self.cell, kind="stable")
         self.n_occupied = int(np.count_nonzero(counts))
+
+    def filling(self, volume: NDArray, thickness: float) -> NDArray:
+        """Factor (n_points,) that makes the points' volumes fill the inner cells exactly.
+
+        Moving points leave some cells too full and some too empty, although the body has no holes there; inner cells
+        are those with points in all eight neighbours and no slit beside them. Elsewhere the factor is one.
+        """
+        counts = np.diff(self.starts)
+        occupied = np.zeros(self._grid.shape, bool)
+        occupied[self._x, self._y] = counts > 0
+        inner = binary_erosion(occupied, np.ones((3, 3)))
+        for slit in self._grid.slits:
+            inner &= ~self._grid.cells_beside(slit)
+        area = self._grid.cell_areas()[self._x, self._y]
+        held = np.bincount(self.cell, weights=volume, minlength=len(counts))
+        factor = np.ones(len(counts))
+        inner_cells = inner[self._x, self._y]
+        factor[inner_cells] = area[inner_cells] * thickness / held[inner_cells]
+        return factor[self.cell]
 
     def corner_values(self, nodal: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Corners (4 n, 2), quads (n, 4) and a nodal scalar at the corners (4 n,) of the occupied cells.
@@ -60,4 +81,4 @@ class ActiveGrid:
             basis, _ = self._grid.evaluate(corners[:, corner], x, y)
             values[:, corner] = (basis * nodal[self.nodes[occupied]]).sum(axis=1)
         cells = np.arange(values.size).reshape(-1, 4)
-        return corners.reshape(-1, 2), cells, values.ravel()
+        return corners.reshape(-1, 2) + self.shift, cells, values.ravel()

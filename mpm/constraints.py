@@ -1,17 +1,22 @@
-"""Kinematic constraints: on grid nodes by elimination, or on material points by the penalty method (Appendix A)."""
+"""Kinematic constraints: on grid nodes by elimination, or on the body by the penalty method (Appendix A).
+
+The thesis holds the material points nearest to an edge, which lie a little inside the body. Holding the points'
+edges instead - the displacement there, by the point's own gradient - leaves no such offset.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.boundaries import BoundarySet
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.exact import MOTIONS
 
-from .active_grid import ActiveGrid
 from .grid import GridError
 from .placement import PointCloud
 
@@ -24,10 +29,12 @@ REACH = 0.53
 class Motion:
     """Prescribed motion of a list of places: u = scale * load + value, or a named exact field.
 
+    ``places`` are nodes or points, held at ``positions`` (n, 2), which are ``offset`` (n, 2) away from the points.
     ``component`` is 0 or 1; ``tied`` places share one free displacement.
     """
 
     places: NDArray
+    offset: NDArray
     component: int
     positions: NDArray
     scale: float = 0.0
@@ -49,82 +56,95 @@ class Motion:
         return (self.displacement(case, load + step) - self.displacement(case, load - step)) / (2.0 * step)
 
 
-def displacement_motions(case: Case, select, positions: NDArray) -> list[Motion]:
-    """The case's displacement constraints on places chosen by ``select(boundary set) -> indices``."""
+#: chooses the places of a boundary set: (indices (n,), offsets (n, 2))
+Selector = Callable[[BoundarySet], tuple[NDArray, NDArray]]
+
+
+def displacement_motions(case: Case, select: Selector, positions: NDArray) -> list[Motion]:
+    """The case's displacement constraints on the places that ``select`` finds among ``positions`` (n, 2)."""
     motions = []
     for constraint in case.constraints:
         if constraint.direction == "phase":
             continue
-        places = select(case.boundaries[constraint.on])
+        places, offset = select(case.boundaries[constraint.on])
         if len(places) == 0:
             raise GridError(f"boundaries.{constraint.on}: no grid node or material point lies on it")
         directions = (0, 1) if constraint.motion else (DIRECTIONS[constraint.direction],)
-        for component in directions:
-            motions.append(
-                Motion(
-                    places, component, positions[places], constraint.scale or 0.0, constraint.value or 0.0,
-                    constraint.motion, bool(constraint.tied),
-                )
-            )  # fmt: skip
+        motions += [
+            Motion(
+                places, offset, component, positions[places] + offset, constraint.scale or 0.0,
+                constraint.value or 0.0, constraint.motion, bool(constraint.tied),
+            )
+            for component in directions
+        ]  # fmt: skip
     return motions
 
 
-def points_on(case: Case, cloud: PointCloud):
-    """Selector of material points on a boundary set."""
+def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
+    """Selector of material points on a boundary set, held at their edges if ``at_edges``."""
+    box = case.bounding_box()
 
-    def select(boundary) -> NDArray:
-        box = case.bounding_box()
+    def on_edge(boundary: BoundarySet, edge: str) -> tuple[NDArray, NDArray]:
+        across, corner = (0 if edge in ("left", "right") else 1), int(edge in ("right", "top"))
+        one = boundary.model_copy(update={"edge": edge, "edges": None})
+        reach = REACH * cloud.size[:, across]
+        places = np.flatnonzero(one.select(cloud.positions, reach, box))  # type: ignore[arg-type]
+        offset = np.zeros((len(places), 2))
+        if at_edges:
+            offset[:, across] = box[corner][across] - cloud.positions[places, across]
+        return places, offset
+
+    def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
         edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
-        if not edges:
-            tolerance = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(cloud.size.prod(axis=1))
-            return np.flatnonzero(boundary.select(cloud.positions, tolerance, box))
-        chosen = np.zeros(len(cloud.positions), bool)
-        for edge in edges:
-            across = 0 if edge in ("left", "right") else 1
-            one = boundary.model_copy(update={"edge": edge, "edges": None})
-            chosen |= one.select(cloud.positions, REACH * cloud.size[:, across], box)
-        return np.flatnonzero(chosen)
+        if edges:
+            places, offsets = zip(*(on_edge(boundary, edge) for edge in edges), strict=True)
+            return np.concatenate(places), np.concatenate(offsets)
+        reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(cloud.size.prod(axis=1))
+        chosen = np.flatnonzero(boundary.select(cloud.positions, reach, box))  # type: ignore[arg-type]
+        return chosen, np.zeros((len(chosen), 2))
 
     return select
 
 
-def nodes_on(case: Case, nodes: NDArray):
+def nodes_on(case: Case, nodes: NDArray) -> Selector:
     """Selector of grid nodes on a boundary set."""
 
-    def select(boundary) -> NDArray:
-        return np.flatnonzero(boundary.select(nodes, 1e-6 * case.mesh.h, case.bounding_box()))
+    def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
+        chosen = np.flatnonzero(boundary.select(nodes, 1e-6 * case.mesh.h, case.bounding_box()))
+        return chosen, np.zeros((len(chosen), 2))
 
     return select
 
 
 class PointPenalty:
-    """Motions prescribed on material points by stiff springs, Eqs. A.1-A.6.
+    """Motions prescribed on the body by stiff springs, Eqs. A.1-A.6.
 
-    The list of springs is flat: motion after motion, point after point. Tied motions pull their points to one
-    more unknown each, numbered after those of the grid.
+    The list of springs is flat: motion after motion, place after place. Tied motions pull their places to one
+    more unknown each, numbered after those of the grid. ``displacement`` (n_springs,) is the committed one of the
+    springs' places.
     """
 
-    def __init__(
-        self,
-        case: Case,
-        motions: list[Motion],
-        stiffness: NDArray,
-        active: ActiveGrid,
-        value: NDArray,
-        equations: NDArray,
-        size: int,
-    ) -> None:
-        self._case, self._motions, self._size = case, motions, size
-        self._places = _joined([m.places for m in motions], int)
+    def __init__(self, case: Case, motions: list[Motion], stiffness: NDArray) -> None:
+        self._case, self._motions = case, motions
+        self.places = _joined([m.places for m in motions], int)
+        self.offset = np.concatenate([m.offset for m in motions]) if motions else np.zeros((0, 2))
         self._component = _joined([np.full(len(m.places), m.component) for m in motions], int)
-        self._stiffness = stiffness[self._places]
-        self._value = value[self._places]
-        nodes = active.nodes[active.cell[self._places]]
-        self._equations = equations[2 * nodes + self._component[:, None]]
+        self._stiffness = stiffness[self.places]
+        self.n_tied = sum(m.tied for m in motions)
         tied = np.cumsum([m.tied for m in motions]) - 1
         masters = [np.full(len(m.places), t if m.tied else -1) for m, t in zip(motions, tied, strict=True)]
         self._master = _joined(masters, int)
-        self._first_master = size - sum(m.tied for m in motions)
+        self.displacement = np.zeros(len(self.places))
+
+    def find_in_grid(self, nodes: NDArray, value: NDArray, equations: NDArray, size: int) -> None:
+        """Take the nodes (n_springs, k) and basis values (n_springs, k) at the springs' present places."""
+        self._value, self._unknowns = value, 2 * nodes + self._component[:, None]
+        self._equations, self._size = equations[self._unknowns], size
+        self._first_master = size - self.n_tied
+
+    def displaced(self, increment: NDArray) -> NDArray:
+        """Displacement (n_springs,) after a grid increment (n_nodes, 2)."""
+        return self.displacement + (self._value * increment.reshape(-1)[self._unknowns]).sum(axis=1)
 
     @staticmethod
     def coupling(motions: list[Motion], equations: NDArray, grid_size: int) -> NDArray | None:
@@ -149,7 +169,7 @@ class PointPenalty:
         return targets
 
     def _gap(self, displacement: NDArray, load: float, tied: NDArray) -> NDArray:
-        return displacement[self._places, self._component] - self._targets(load, tied)
+        return displacement - self._targets(load, tied)
 
     def forces(self, displacement: NDArray, load: float, tied: NDArray) -> NDArray:
         """Spring forces (n_springs,), positive where the point is ahead of its target."""

@@ -127,6 +127,21 @@ class Grid:
         by_line = np.moveaxis(numbers, slit.normal, 0)
         return np.stack([by_line[above - 1, ~open_], by_line[above, ~open_]])
 
+    def points_at_tips(self, positions: NDArray) -> NDArray:
+        """Indices of the points (n, 2) in the four cells around the tips of the slits."""
+        chosen = np.zeros(len(positions), bool)
+        for slit in self.slits:
+            for end in (slit.start, slit.end):
+                if np.isfinite(end):
+                    tip = np.full(2, end)
+                    tip[slit.normal] = slit.position
+                    near = [
+                        np.abs(axis.locate(positions[:, d]) - _line_index(axis.breakpoints, tip[d]) + 0.5) < 1.0
+                        for d, axis in enumerate(self.axes)
+                    ]
+                    chosen |= near[0] & near[1]
+        return np.flatnonzero(chosen)
+
     def locate(self, positions: NDArray, sides: list[NDArray]) -> tuple[NDArray, NDArray]:
         """Cells (n,) in x and in y of points; those beside a slit stay on their side of it."""
         cells = [axis.locate(positions[:, d]) for d, axis in enumerate(self.axes)]
@@ -139,6 +154,19 @@ class Grid:
             np.minimum(across, line - 1, out=across, where=side < 0)
             np.maximum(across, line, out=across, where=side > 0)
         return cells[0], cells[1]
+
+    def cells_beside(self, slit: Slit) -> NDArray:
+        """Mask (nx, ny) of the cells that touch a slit."""
+        along, across = self.axes[1 - slit.normal].breakpoints, self.axes[slit.normal].breakpoints
+        line = _line_index(across, slit.position)
+        mask = np.zeros(self.shape, bool)
+        by_line = np.moveaxis(mask, slit.normal, 0)
+        by_line[line - 1 : line + 1] = (along[1:] > slit.start) & (along[:-1] < slit.end)
+        return mask
+
+    def cell_areas(self) -> NDArray:
+        """Areas (nx, ny) of the cells."""
+        return np.outer(*(np.diff(axis.breakpoints) for axis in self.axes))
 
     def cell_nodes(self, cells_x: NDArray, cells_y: NDArray) -> NDArray:
         """Nodes (n, (order + 1)^2) whose functions live on the cells."""
@@ -153,9 +181,10 @@ class Grid:
             axis.evaluate(np.ascontiguousarray(positions[:, d]), cells)
             for d, (axis, cells) in enumerate(zip(self.axes, (cells_x, cells_y), strict=True))
         )
-        values = (x[:, :, None] * y[:, None, :]).reshape(len(positions), -1)
+        count = (self.order + 1) ** 2
+        values = (x[:, :, None] * y[:, None, :]).reshape(len(positions), count)
         gradients = np.stack([dx[:, :, None] * y[:, None, :], x[:, :, None] * dy[:, None, :]], axis=-1)
-        return values, gradients.reshape(len(positions), -1, 2)
+        return values, gradients.reshape(len(positions), count, 2)
 
 
 def _line_index(lines: NDArray, position: float) -> int:

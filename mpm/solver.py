@@ -58,14 +58,15 @@ class MaterialPoints:
             phase_field=np.ones(n_points),
             history_field=self._initial_history(),
             load=case.load.path[0],
-            tied=np.zeros(sum(motion.tied for motion in self._point_motions)),
+            tied=np.zeros(self._penalties.n_tied),
         )
+        self._tip_points = self.grid.points_at_tips(self.cloud.positions)
         self._sides = [slit.sides(self.cloud.positions) for slit in self.grid.slits]
         self._phase_nodes = np.where(self._phase_fixed, self._phase_value, 1.0)
         self._c, self._slope_squared = np.ones(n_points), np.zeros(n_points)
         self._gradient, self._stress = np.zeros((n_points, 4)), np.zeros((n_points, 3))
         self._psi = np.zeros((n_points, 2))
-        self._force_scale, self._constraint_error = 0.0, 0.0
+        self._force_scale = self._applied = self._constraint_error = 0.0
         self._active: ActiveGrid | None = None
         self._basis_is_current = False
 
@@ -82,17 +83,18 @@ class MaterialPoints:
         case, grid = self.case, self.grid
         self._node_motions: list[Motion] = []
         self._point_motions: list[Motion] = []
-        on_points = points_on(case, self.cloud)
-        if case.mpm.constraints_on == "points":
-            self._point_motions = displacement_motions(case, on_points, self.cloud.positions)
-        else:
+        if case.mpm.constraints_on == "nodes":
             grid.check_edges_interpolate()
             self._node_motions = displacement_motions(case, nodes_on(case, grid.nodes), grid.nodes)
+        else:
+            on_points = points_on(case, self.cloud, at_edges=case.mpm.constraints_on == "edges")
+            self._point_motions = displacement_motions(case, on_points, self.cloud.positions)
+        self._penalties = PointPenalty(case, self._point_motions, self._stiffness())
         self._phase_fixed, self._phase_value = np.zeros(grid.n_nodes, bool), np.zeros(grid.n_nodes)
         for constraint in case.constraints:
             if constraint.direction == "phase":
                 grid.check_edges_interpolate()
-                nodes = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
+                nodes, _ = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
                 self._phase_fixed[nodes], self._phase_value[nodes] = True, constraint.value
 
     def _initial_history(self) -> NDArray:
@@ -130,17 +132,50 @@ class MaterialPoints:
         self._tied = self.state.tied.copy()
 
     def _find_points_in_grid(self) -> None:
-        cells = self.grid.locate(self.state.positions, self._sides)
+        shift = self._grid_shift()
+        positions = self.state.positions - shift
+        cells = self.grid.locate(positions, self._sides)
         if self._active is None or not self._active.holds(cells):
             self._active = ActiveGrid(self.grid, cells)
             self._set_equations(self._active)
         self._active.sort_points(cells)
-        self._value, self._slope = self.grid.evaluate(self.state.positions, *cells)
-        self._penalties = PointPenalty(
-            self.case, self._point_motions, self._stiffness(), self._active, self._value, self._equations, self._size
-        )
+        self._active.shift = shift
+        self._value, slope = self.grid.evaluate(positions, *cells)
+        self._slope, self._volume = self._measure_on(slope)
+        springs = self._penalties
+        nodes = self._active.nodes[self._active.cell[springs.places]]
+        # the displacement at the held place, by the point's own gradient
+        value = self._value[springs.places] + np.einsum("pai,pi->pa", slope[springs.places], springs.offset)
+        springs.find_in_grid(nodes, value, self._equations, self._size)
         self._external = self._body_forces()
         self.costs.count["active_cells"] = self._active.n_occupied
+
+    def _grid_shift(self) -> NDArray:
+        """Where the grid is put in this step, as a shift (2,): it goes with the material at the slits' tips.
+
+        A slit is part of the grid but must stay in the material. Grids without slits, or held at nodes, stay.
+        """
+        if not len(self._tip_points) or self.case.mpm.constraints_on == "nodes":
+            return np.zeros(2)
+        return self.state.displacement[self._tip_points].mean(axis=0)
+
+    def _measure_on(self, slope: NDArray) -> tuple[NDArray, NDArray]:
+        """Slopes (n_points, k, 2) and volumes (n_points,) by which strains and integrals are measured.
+
+        Torn material (c -> 0) keeps the grid's own slopes and its own volume.
+        """
+        mpm, volume = self.case.mpm, self.cloud.volume
+        intact = self.state.phase_field**2
+        gradient = self.state.gradient * intact[:, None]
+        xx, xy, yx, yy = 1.0 + gradient[:, 0], gradient[:, 1], gradient[:, 2], 1.0 + gradient[:, 3]
+        if mpm.strain == "initial":
+            deformation = np.stack([np.stack([xx, xy], -1), np.stack([yx, yy], -1)], -2)
+            slope = np.einsum("pai,pij->paj", slope, deformation)
+        else:
+            volume = volume * (xx * yy - xy * yx)
+        if mpm.fill_cells:
+            volume = volume * (1.0 + intact * (self._active.filling(volume, self.case.plane.thickness) - 1.0))
+        return slope, volume
 
     def _stiffness(self) -> NDArray:
         """Penalty (n_points,) [force / length]: a multiple of the uniaxial modulus times thickness."""
@@ -195,7 +230,7 @@ class MaterialPoints:
         solution = SOLUTIONS.get(self.case.exact or "")
         if solution is None or solution.body_force is None:
             return np.zeros(size)
-        density = solution.body_force(self.case, self.state.positions, 1.0) * self.cloud.volume[:, None]
+        density = solution.body_force(self.case, self.state.positions, 1.0) * self._volume[:, None]
         local = self._value[:, :, None] * density[:, None, :]
         return gather_vector(self._unknowns[self._active.cell], local, size)
 
@@ -206,7 +241,7 @@ class MaterialPoints:
         with self.costs.timed("phase_field"):
             active, coefficients = self._active, self._coefficients
             kernels.phase_field_systems(
-                active.nodes, active.starts, active.members, self._value, self._slope, self.cloud.volume,
+                active.nodes, active.starts, active.members, self._value, self._slope, self._volume,
                 coefficients.reaction(history_field), coefficients.resistance, coefficients.diffusion,
                 self._phase_nodes, self._phase_local, self._phase_rest,
             )  # fmt: skip
@@ -251,17 +286,17 @@ class MaterialPoints:
             self._evaluate_stresses()
             active = self._active
             kernels.internal_forces(
-                active.starts, active.members, self._slope, self.cloud.volume, self._stress, self._local_forces
+                active.starts, active.members, self._slope, self._volume, self._stress, self._local_forces
             )
             forces = gather_vector(self._unknowns, self._local_forces, 2 * self.grid.n_nodes)
             self._nodal_forces = forces - self._load * self._external
             residual = gather_vector(self._equations, self._nodal_forces, self._size)
-            penalty_forces = self._penalties.forces(self._point_displacement(), self._load, self._tied)
+            penalty_forces = self._penalties.forces(self._penalties.displaced(self._increment), self._load, self._tied)
             residual += self._penalties.residual(penalty_forces)
             applied = np.linalg.norm(self._nodal_forces[self._prescribed]) + np.linalg.norm(penalty_forces)
             applied += np.linalg.norm(self._load * self._external)
-            self._force_scale = max(self._force_scale, float(applied))
-            return residual, self._force_scale
+            self._applied = float(applied)
+            return residual, max(self._force_scale, self._applied)
 
     def _evaluate_stresses(self) -> None:
         active = self._active
@@ -270,18 +305,17 @@ class MaterialPoints:
         )
         kernels.stresses(self._gradient, self._g, self._split, self._lam, self._mu, self._stress, self._psi)
 
-    def _point_displacement(self, places: NDArray | None = None) -> NDArray:
-        """Displacement (n, 2) of the points after the trial increment."""
-        where = slice(None) if places is None else places
-        nodes = self._active.nodes[self._active.cell[where]]
-        return self.state.displacement[where] + np.einsum("pa,pai->pi", self._value[where], self._increment[nodes])
+    def _point_displacement(self) -> NDArray:
+        """Displacement (n_points, 2) after the trial increment."""
+        nodes = self._active.nodes[self._active.cell]
+        return self.state.displacement + np.einsum("pa,pai->pi", self._value, self._increment[nodes])
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Newton step -K^-1 R with the consistent tangent (Eqs. 3.59, A.6)."""
         with self.costs.timed("assembly"):
             active = self._active
             kernels.tangents(
-                active.starts, active.members, self._slope, self.cloud.volume, self._gradient, self._g,
+                active.starts, active.members, self._slope, self._volume, self._gradient, self._g,
                 self._split, self._lam, self._mu, self._local,
             )  # fmt: skip
             values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
@@ -290,8 +324,12 @@ class MaterialPoints:
 
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state and carry the points with it."""
+        # not before: a load step starts from a jump whose forces say nothing
+        self._force_scale = max(self._force_scale, self._applied)
         displacement = self._point_displacement()
-        error = self._penalties.constraint_error(displacement, self._load, self._tied)
+        springs = self._penalties
+        springs.displacement = springs.displaced(self._increment)
+        error = springs.constraint_error(springs.displacement, self._load, self._tied)
         self._constraint_error = max(self._constraint_error, error)
         state = self.state
         if self.case.mpm.move_points:
@@ -316,7 +354,7 @@ class MaterialPoints:
 
     def reaction_force(self) -> float:
         """Force conjugate to the load parameter: from the residual at prescribed nodes or from the penalty."""
-        forces = self._penalties.forces(self._point_displacement(), self._load, self._tied)
+        forces = self._penalties.forces(self._penalties.displaced(self._increment), self._load, self._tied)
         total = -float(forces @ self._penalties.rates(self._load))
         for motion in self._node_motions:
             if not motion.tied:
@@ -326,11 +364,11 @@ class MaterialPoints:
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""
-        elastic = float(self.energy_density @ self.cloud.volume)
+        elastic = float(self.energy_density @ self._volume)
         if not self._breaks:
             return elastic, 0.0
         density = crack_density(self._c, self._slope_squared, self._coefficients.length_scale)
-        return elastic, float((self._coefficients.toughness * density) @ self.cloud.volume)
+        return elastic, float((self._coefficients.toughness * density) @ self._volume)
 
     @property
     def energy_density(self) -> NDArray:

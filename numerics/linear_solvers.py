@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Protocol
 
 import numpy as np
@@ -43,7 +44,8 @@ class Pardiso:
         self._analysed = False
 
     def __del__(self) -> None:
-        self._solver.free_memory(everything=True)
+        if not sys.is_finalizing():
+            self._solver.free_memory(everything=True)
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
         matrix = self._pattern.upper(values)

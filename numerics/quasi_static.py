@@ -17,6 +17,8 @@ from .staggered import Discretisation, NewtonError, StepOutcome, staggered_step
 ADVANCE_SHARE = 0.5
 #: growth of the increment after a quiet one
 GROWTH = 1.5
+#: shortening of an increment that was undone
+SHRINKING = 0.25
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
 
@@ -103,7 +105,7 @@ class _LoadPath:
             self.discretisation.undo()
             if smallest or not self.case.load.adaptive:
                 return self._report_failure(problem)
-            self.increment = max(0.5 * size, self.case.load.smallest)
+            self.increment = max(SHRINKING * size, self.case.load.smallest)
             self.discretisation.costs.count["undone_increments"] += 1
 
     def _try(self, load: float, smallest: bool) -> tuple[StepOutcome, str]:
