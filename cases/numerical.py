@@ -175,11 +175,13 @@ class Staggered(Table):
     scheme : iterate until converged, or one pass per increment
     tolerance : on max |change of c|
     residual_tolerance : on the relative residual of equilibrium
+    over_relaxation : of the phase field between iterations; 1 for none
     """
 
     scheme: Literal["converged", "one_pass"] = "converged"
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
+    over_relaxation: Annotated[Number, Field(ge=1, lt=2)] = 1.5
     largest_iterations: Annotated[Whole, Field(ge=1)] = 2000
 
 

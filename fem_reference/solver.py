@@ -71,7 +71,7 @@ class FiniteElements:
     def _set_phase_equations(self) -> None:
         equations = self.constraints.phase_equations[self.elements]
         self._phase_pattern = SymmetricPattern(equations, self.constraints.phase_size)
-        self._phase_solver = linear_solver(self._phase_pattern, Costs())
+        self._phase_solver = linear_solver(self._phase_pattern, self.costs, "cg")
         self._phase_local = kernels.packed(self.elements.shape[1], len(self.elements))
         self._out_of_balance = np.empty(self.elements.shape)
 
@@ -141,8 +141,17 @@ class FiniteElements:
             residual = gather_vector(equations[self.elements], self._out_of_balance, constraints.phase_size)
             values = self._phase_pattern.gather(self._phase_local)
             free = equations >= 0
+            self._last_phase_field = self.nodal_phase_field.copy()
             self.nodal_phase_field[free] += self._phase_solver.solve(values, residual)[equations[free]]
             self._map_phase_field()
+        return self.phase_field.copy()
+
+    def over_relax_phase_field(self, factor: float) -> NDArray:
+        """Phase field at the Gauss points, carried beyond the last solution but not below zero."""
+        solution = self.nodal_phase_field
+        ahead = self._last_phase_field + factor * (solution - self._last_phase_field)
+        self.nodal_phase_field = np.maximum(ahead, np.minimum(solution, 0.0))
+        self._map_phase_field()
         return self.phase_field.copy()
 
     def _map_phase_field(self) -> None:

@@ -170,7 +170,7 @@ class MaterialPoints:
         xx, xy, yx, yy = 1.0 + gradient[:, 0], gradient[:, 1], gradient[:, 2], 1.0 + gradient[:, 3]
         if mpm.strain == "initial":
             deformation = np.stack([np.stack([xx, xy], -1), np.stack([yx, yy], -1)], -2)
-            slope = np.einsum("pai,pij->paj", slope, deformation)
+            slope = slope @ deformation
         else:
             volume = volume * (xx * yy - xy * yx)
         if mpm.fill_cells:
@@ -218,7 +218,7 @@ class MaterialPoints:
         free = used & ~self._phase_fixed
         self._phase_equations = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
         self._phase_pattern = SymmetricPattern(self._phase_equations[active.nodes], int(free.sum()))
-        self._phase_solver = linear_solver(self._phase_pattern, Costs())
+        self._phase_solver = linear_solver(self._phase_pattern, self.costs, "cg")
         k = active.nodes.shape[1]
         self._phase_local = np.empty((len(active.nodes), k * (k + 1) // 2))
         self._phase_rest = np.empty((len(active.nodes), k))
@@ -250,8 +250,17 @@ class MaterialPoints:
             # cells of the pattern that hold no points leave empty rows
             values = lift_empty_diagonal(self._phase_pattern, self._phase_pattern.gather(self._phase_local))
             free = equations >= 0
+            self._last_phase_nodes = self._phase_nodes.copy()
             self._phase_nodes[free] += self._phase_solver.solve(values, rest)[equations[free]]
             self._map_phase_field()
+        return self._c.copy()
+
+    def over_relax_phase_field(self, factor: float) -> NDArray:
+        """Phase field at the points, carried beyond the last solution but not below zero."""
+        solution = self._phase_nodes
+        ahead = self._last_phase_nodes + factor * (solution - self._last_phase_nodes)
+        self._phase_nodes = np.maximum(ahead, np.minimum(solution, 0.0))
+        self._map_phase_field()
         return self._c.copy()
 
     def _map_phase_field(self) -> None:

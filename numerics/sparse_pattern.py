@@ -57,6 +57,13 @@ class SymmetricPattern:
         """Where the entries (rows, columns) of the upper or lower half are stored."""
         return np.searchsorted(self._entries, _key(rows, columns, np.full(rows.shape, True), self.size))
 
+    def mirror(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Both halves: indptr, indices, and for each entry its place among the stored ones."""
+        places = sparse.csr_matrix((np.arange(1, len(self.indices) + 1), self.indices, self.indptr))
+        both = (places + sparse.triu(places, 1).T).tocsr()
+        both.sort_indices()
+        return both.indptr, both.indices, both.data - 1
+
     def upper(self, values: NDArray) -> sparse.csr_matrix:
         """The stored upper half as a scipy matrix."""
         return sparse.csr_matrix((values, self.indices, self.indptr), shape=(self.size, self.size))

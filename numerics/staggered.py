@@ -34,6 +34,9 @@ class Discretisation(Protocol):
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field (n_points,) for a history field (n_points,)."""
 
+    def over_relax_phase_field(self, factor: float) -> NDArray:
+        """Phase field (n_points,) carried beyond the last solution, by factor - 1 times its last change."""
+
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, for the trial phase field."""
 
@@ -119,4 +122,6 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
         reason = give_up(iteration)
         if reason:
             return StepOutcome("interrupted", history_field, iteration, reason)
+        if settings.over_relaxation > 1.0:
+            phase_field = discretisation.over_relax_phase_field(settings.over_relaxation)
     return StepOutcome("stalled", history_field, settings.largest_iterations, f"{iteration} staggered iterations")
