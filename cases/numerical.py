@@ -79,6 +79,8 @@ class Load(Table):
     increment : first and largest increment of u [length]; may be left out for a path of one point
     smallest : smallest increment [length]; increment/64 if left out
     adaptive : False for constant increments
+    largest_advance : of the crack in one increment, in multiples of l0; beyond it the increment is undone and
+        shortened, down to `smallest`
     stop_when_broken : end when |F| falls under `broken_fraction` of its peak
     """
 
@@ -88,6 +90,7 @@ class Load(Table):
         default_factory=lambda data: data.get("increment", 1.0) / SMALLEST_SHARE
     )
     adaptive: Switch = True
+    largest_advance: Annotated[Number, Field(gt=0)] = 4.0
     stop_when_broken: Switch = True
     broken_fraction: Annotated[Number, Field(gt=0, lt=1)] = 0.02
 
@@ -181,7 +184,7 @@ class Staggered(Table):
     scheme: Literal["converged", "one_pass"] = "converged"
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
-    over_relaxation: Annotated[Number, Field(ge=1, lt=2)] = 1.5
+    over_relaxation: Annotated[Number, Field(ge=1, lt=2)] = 1.7
     largest_iterations: Annotated[Whole, Field(ge=1)] = 2000
 
 

@@ -244,7 +244,9 @@ class CaseDescription(Table):
             raise BrokenRuleError(text, "give a larger spacing or a smaller fine box", "mesh.h", self.mesh.h)
 
     def _checks_have_targets(self) -> None:
-        runs = list(dict.fromkeys([*self.runs, *self.expanded_runs()]))
+        # a tier may add runs, for the checks of that tier
+        added = [name for tables in self.tiers.values() for name in tables.get("runs", {})]
+        runs = list(dict.fromkeys([*self.runs, *self.expanded_runs(), *added]))
         for number, check in enumerate(self.checks):
             _defined(check.run, runs, f"checks[{number}].run", "run")
             kind, name = check.target

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cases import Case
 from physics.exact import MOTIONS
 
-COMPONENTS = {"x": 0, "y": 1}
+COMPONENTS: dict[str | None, int] = {"x": 0, "y": 1}
 
 
 class NodeConstraints:

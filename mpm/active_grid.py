@@ -28,7 +28,7 @@ class ActiveGrid:
         self._grid = grid
         occupied = np.zeros(grid.shape, bool)
         occupied[cells] = True
-        used = binary_dilation(occupied, np.ones((3, 3)), iterations=RINGS)
+        used = binary_dilation(occupied, np.ones((3, 3), bool), iterations=RINGS)
         self._x, self._y = np.nonzero(used)
         self._number = np.full(grid.shape, -1, dtype=np.int64)
         self._number[self._x, self._y] = np.arange(len(self._x))
@@ -56,7 +56,7 @@ class ActiveGrid:
         counts = np.diff(self.starts)
         occupied = np.zeros(self._grid.shape, bool)
         occupied[self._x, self._y] = counts > 0
-        inner = binary_erosion(occupied, np.ones((3, 3)))
+        inner = binary_erosion(occupied, np.ones((3, 3), bool))
         for slit in self._grid.slits:
             inner &= ~self._grid.cells_beside(slit)
         area = self._grid.cell_areas()[self._x, self._y]

@@ -20,7 +20,7 @@ from physics.exact import MOTIONS
 from .grid import GridError
 from .placement import PointCloud
 
-DIRECTIONS = {"x": 0, "y": 1}
+DIRECTIONS: dict[str | None, int] = {"x": 0, "y": 1}
 #: a point stands on an edge when its own extent, with a little slack, reaches it
 REACH = 0.53
 

@@ -1,8 +1,8 @@
 """Compiled loops over cells and the material points in them.
 
-Arrays: ``nodes`` (n_cells, k) nodes of each cell of the pattern; points ``members[starts[e]:starts[e + 1]]`` lie in cell
-e; ``value`` (n_points, k) and ``slope`` (n_points, k, 2) are the basis at the points. Local unknowns are ordered node by
-node, x before y; local matrices keep the upper half, row by row.
+Arrays: ``nodes`` (n_cells, k) nodes of each cell of the pattern; points ``members[starts[e]:starts[e + 1]]`` lie in
+cell e; ``value`` (n_points, k) and ``slope`` (n_points, k, 2) are the basis at the points. Local unknowns are ordered
+node by node, x before y; local matrices keep the upper half, row by row.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def internal_forces(starts, members, slope, volume, stress, local):
 
 @njit(cache=True, parallel=True)
 def tangents(starts, members, slope, volume, gradient, degradation, split, lam, mu, local):
-    """Upper halves (n_cells, k (2k + 1)) of the tangent of each cell: sum of B^T D B Omega over its points, Eq. 3.59."""
+    """Upper halves (n_cells, k (2k + 1)) of each cell's tangent: sum of B^T D B Omega over its points, Eq. 3.59."""
     k = slope.shape[1]
     for e in prange(local.shape[0]):
         local[e, :] = 0.0
@@ -79,7 +79,9 @@ def tangents(starts, members, slope, volume, gradient, degradation, split, lam, 
 
 
 @njit(cache=True, parallel=True)
-def phase_field_systems(nodes, starts, members, value, slope, volume, reaction, resistance, diffusion, nodal, local, rest):
+def phase_field_systems(
+    nodes, starts, members, value, slope, volume, reaction, resistance, diffusion, nodal, local, rest
+):
     """Upper halves (n_cells, k (k + 1) / 2) of Eq. 4.17 and out-of-balance vectors (n_cells, k) of Eq. 4.13."""
     k = value.shape[1]
     for e in prange(local.shape[0]):

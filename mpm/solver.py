@@ -67,7 +67,7 @@ class MaterialPoints:
         self._gradient, self._stress = np.zeros((n_points, 4)), np.zeros((n_points, 3))
         self._psi = np.zeros((n_points, 2))
         self._force_scale = self._applied = self._constraint_error = 0.0
-        self._active: ActiveGrid | None = None
+        self._active: ActiveGrid  # from the first step on
         self._basis_is_current = False
 
     # ---------------------------------------------------------------- set-up
@@ -112,6 +112,15 @@ class MaterialPoints:
 
     # ---------------------------------------------------------------- staggered scheme
 
+    def warm_up(self) -> None:
+        """Compile every kernel, so that the clock times the work alone."""
+        self.begin_step()
+        self.solve_phase_field(self.history_field)
+        self._load, self._g = self.case.load.path[0], degradation(self._c, self._coefficients.residual_stiffness)
+        unknowns = np.zeros(self._size)
+        self.correction(unknowns, self.residual(unknowns)[0])
+        self.costs.forget()
+
     @property
     def history_field(self) -> NDArray:
         """History field (n_points,) of the committed state [stress]."""
@@ -135,7 +144,7 @@ class MaterialPoints:
         shift = self._grid_shift()
         positions = self.state.positions - shift
         cells = self.grid.locate(positions, self._sides)
-        if self._active is None or not self._active.holds(cells):
+        if not hasattr(self, "_active") or not self._active.holds(cells):
             self._active = ActiveGrid(self.grid, cells)
             self._set_equations(self._active)
         self._active.sort_points(cells)
@@ -282,8 +291,7 @@ class MaterialPoints:
         free = self._equations >= 0
         start[self._equations[free]] = flat[free]
         start[self._size - len(self._tied) :] = self._tied
-        _, iterations = newton(self, start, tolerance)
-        self.costs.count["newton"] += iterations
+        newton(self, start, tolerance, self.costs)
         return self._psi[:, 0].copy()
 
     def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:

@@ -13,6 +13,12 @@ class Costs:
         self.count: Counter[str] = Counter()
         self.seconds: Counter[str] = Counter()
 
+    def forget(self) -> None:
+        """Forget the work so far, not the sizes."""
+        self.seconds.clear()
+        for work in ("factorisations", "cg_iterations", "gmres_iterations", "newton"):
+            self.count.pop(work, None)
+
     def timed(self, part: str) -> _Timer:
         """Context that adds its wall time to ``seconds[part]``."""
         return _Timer(self.seconds, part)

@@ -177,7 +177,7 @@ class Gmres:
                 restart=min(size, 500),
                 maxiter=20,
                 callback=self._count,
-                callback_type="legacy",
+                callback_type="pr_norm",
             )
         if failed:
             raise LinearSolverError(f"GMRES did not reach {self._tolerance:g} for {size} unknowns")

@@ -7,10 +7,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .costs import Costs
 from .staggered import NewtonError
 
-LARGEST_ITERATIONS = 60
-LARGEST_HALVINGS = 6
+LARGEST_ITERATIONS = 40
+LARGEST_CUTS = 5
+#: after so many corrections a looser tolerance will do: torn points that open and close can trade forces of a size
+#: that is nothing to the body, without end
+PATIENCE = 6
+LOOSE_TOLERANCE = 1e-4
+#: a step is long enough when the slope of the energy along it has fallen to this share
+SLOPE_SHARE = 0.5
 
 
 class Equilibrium(Protocol):
@@ -23,27 +30,43 @@ class Equilibrium(Protocol):
         """Solution d (n,) of K(x) d = -R."""
 
 
-def newton(system: Equilibrium, unknowns: NDArray, tolerance: float) -> tuple[NDArray, int]:
-    """Unknowns with |R| <= tolerance * force scale, and the number of corrections.
+def newton(system: Equilibrium, unknowns: NDArray, tolerance: float, costs: Costs) -> NDArray:
+    """Unknowns (n,) with |R| <= tolerance * force scale; counts corrections and equilibria that stayed loose.
 
-    The energies of the three splits are convex, so that a Newton step, shortened while the residual does
-    not fall, converges; ``NewtonError`` says when it did not.
+    R is the gradient of an energy that is convex for all three splits, so that a Newton step, cut back to where the
+    energy is near its lowest along it, converges; ``NewtonError`` says when it did not.
     """
     residual, scale = system.residual(unknowns)
-    norm = np.linalg.norm(residual)
     for iteration in range(LARGEST_ITERATIONS):
-        if norm <= tolerance * scale:
-            return unknowns, iteration
-        step = system.correction(unknowns, residual)
-        for _ in range(LARGEST_HALVINGS):
-            trial = unknowns + step
-            residual, scale = system.residual(trial)
-            trial_norm = np.linalg.norm(residual)
-            # the first step carries the load in: its residual starts from a jump at the boundary
-            if trial_norm < norm or trial_norm <= tolerance * scale or iteration == 0:
-                break
-            step *= 0.5
-        unknowns, norm = trial, trial_norm
+        norm = np.linalg.norm(residual)
         if not np.isfinite(norm):
             raise NewtonError("equilibrium iteration met a value that is not finite")
+        if norm <= tolerance * scale:
+            return unknowns
+        if iteration >= PATIENCE and norm <= LOOSE_TOLERANCE * scale:
+            costs.count["loose_equilibria"] += 1
+            return unknowns
+        costs.count["newton"] += 1
+        step = system.correction(unknowns, residual)
+        unknowns, residual, scale = _search(system, unknowns, residual, step)
     raise NewtonError(f"no equilibrium in {LARGEST_ITERATIONS} iterations, residual {norm / scale:.1e} of the forces")
+
+
+def _search(
+    system: Equilibrium, unknowns: NDArray, residual: NDArray, step: NDArray
+) -> tuple[NDArray, NDArray, float]:
+    """Go along the step until the energy's slope has fallen enough (regula falsi on step . R)."""
+    low, low_slope, high = 0.0, float(step @ residual), np.inf
+    length, enough = 1.0, SLOPE_SHARE * abs(low_slope)
+    for _ in range(LARGEST_CUTS):
+        tried = length
+        trial, scale = system.residual(unknowns + tried * step)
+        slope = float(step @ trial)
+        if abs(slope) <= enough or (slope < 0.0 and tried == 1.0):
+            break
+        if slope < 0.0:
+            low, low_slope, length = tried, slope, 0.5 * (tried + high)
+        else:
+            high = tried
+            length = low + (high - low) * max(0.1, low_slope / (low_slope - slope))
+    return unknowns + tried * step, trial, scale

@@ -13,8 +13,8 @@ from cases import Case
 from .linear_solvers import LinearSolverError
 from .staggered import Discretisation, NewtonError, StepOutcome, staggered_step
 
-#: largest crack advance of one increment, as a share of l0, before the increment is halved
-ADVANCE_SHARE = 0.5
+#: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
+QUIET_SHARE = 0.25
 #: growth of the increment after a quiet one
 GROWTH = 1.5
 #: shortening of an increment that was undone
@@ -71,8 +71,8 @@ class _LoadPath:
         self.newton_before = 0
         materials = [case.materials[body.material].fracture for body in case.bodies.values()]
         advances = [f.toughness * f.length_scale for f in materials if f is not None]
-        #: fracture energy that an advance by ADVANCE_SHARE l0 costs
-        self.energy_limit = ADVANCE_SHARE * case.plane.thickness * min(advances, default=np.inf)
+        #: fracture energy of the largest advance allowed in one increment
+        self.energy_limit = case.load.largest_advance * case.plane.thickness * min(advances, default=np.inf)
         self.adaptive = case.load.adaptive and case.staggered.scheme == "converged"
 
     def follow(self) -> Iterator[Increment]:
@@ -141,7 +141,7 @@ class _LoadPath:
         return bool(self.discretisation.phase_field.min() < BROKEN_PHASE_FIELD)
 
     def _grow_and_accept(self, load: float, outcome: StepOutcome) -> Increment:
-        quiet = self._advance_energy() < 0.25 * self.energy_limit
+        quiet = self._advance_energy() < QUIET_SHARE * self.energy_limit
         self.done += abs(load - self.load)
         broken = self._broken(self.discretisation.reaction_force())
         accepted = self._accept(load, outcome, "broken_through" if broken else self._status())

@@ -14,5 +14,5 @@ def use_threads(count: int) -> None:
     """Use ``count`` threads in numba's loops and in the linear algebra of this process."""
     global _limiter
     os.environ["MKL_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = str(count)
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
     _limiter = threadpool_limits(limits=count)
