@@ -153,7 +153,7 @@ class Mpm(Table):
     penalty : in multiples of the stiffness, dimensionless
     move_points : carry the points with the displacement
     strain : measured on the initial geometry, as small strain theory and the FEM have it, or on the updated one
-    fill_cells : let the points' volumes fill the body's inner cells exactly
+    fill_cells : let the points fill each cell of the grid as far as the body covers it
     margin : cells of grid around the body
     """
 

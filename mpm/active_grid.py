@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, binary_erosion
+from scipy.ndimage import binary_dilation
 
 from .grid import Grid
 
@@ -47,24 +48,31 @@ class ActiveGrid:
         self.members = np.argsort(self.cell, kind="stable")
         self.n_occupied = int(np.count_nonzero(counts))
 
-    def filling(self, volume: NDArray, thickness: float) -> NDArray:
-        """Factor (n_points,) that makes the points' volumes fill the inner cells exactly.
+    def filling(self, lower: NDArray, upper: NDArray, area: NDArray, sides: list[NDArray]) -> NDArray:
+        """Factor (n_points,) by which the points' areas fill each cell as far as the body covers it.
 
-        Moving points leave some cells too full and some too empty, although the body has no holes there; inner cells
-        are those with points in all eight neighbours and no slit beside them. Elsewhere the factor is one.
+        Moving points leave some cells too full and some too empty. What the body covers of a cell is known better from
+        the points' rectangles (``lower`` and ``upper`` corners (n_points, 2), areas (n_points,)), which tile the body;
+        parts in cells without points, or across a slit, go to the point's own cell.
         """
         counts = np.diff(self.starts)
-        occupied = np.zeros(self._grid.shape, bool)
-        occupied[self._x, self._y] = counts > 0
-        inner = binary_erosion(occupied, np.ones((3, 3), bool))
-        for slit in self._grid.slits:
-            inner &= ~self._grid.cells_beside(slit)
-        area = self._grid.cell_areas()[self._x, self._y]
-        held = np.bincount(self.cell, weights=volume, minlength=len(counts))
-        factor = np.ones(len(counts))
-        inner_cells = inner[self._x, self._y]
-        factor[inner_cells] = area[inner_cells] * thickness / held[inner_cells]
-        return factor[self.cell]
+        covered = np.zeros(len(counts))
+        x, y = self._x[self.cell], self._y[self.cell]
+        lines = [axis.breakpoints for axis in self._grid.axes]
+        closed = self._closed_sides(sides)
+        _cover(x, y, lower, upper, *lines, closed, self._number, counts, covered)
+        held = np.bincount(self.cell, weights=area, minlength=len(counts))
+        return (covered[self.cell]) / held[self.cell]
+
+    def _closed_sides(self, sides: list[NDArray]) -> NDArray:
+        """Which neighbours (n_points, 4) - left, right, below, above - lie across a slit."""
+        closed = np.zeros((len(self.cell), 4), bool)
+        place = (self._x[self.cell], self._y[self.cell])
+        for slit, side in zip(self._grid.slits, sides, strict=True):
+            line = self._grid.line_of(slit)
+            closed[:, 2 * slit.normal + 1] |= (side < 0) & (place[slit.normal] == line - 1)
+            closed[:, 2 * slit.normal] |= (side > 0) & (place[slit.normal] == line)
+        return closed
 
     def corner_values(self, nodal: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Corners (4 n, 2), quads (n, 4) and a nodal scalar at the corners (4 n,) of the occupied cells.
@@ -82,3 +90,23 @@ class ActiveGrid:
             values[:, corner] = (basis * nodal[self.nodes[occupied]]).sum(axis=1)
         cells = np.arange(values.size).reshape(-1, 4)
         return corners.reshape(-1, 2) + self.shift, cells, values.ravel()
+
+
+@njit(cache=True)
+def _cover(cells_x, cells_y, lower, upper, lines_x, lines_y, closed, number, counts, covered):
+    """Add the parts of each point's rectangle to the cells they lie in."""
+    for p in range(len(cells_x)):
+        i, j = cells_x[p], cells_y[p]
+        before = 0.0 if closed[p, 0] else max(0.0, min(lines_x[i], upper[p, 0]) - lower[p, 0])
+        behind = 0.0 if closed[p, 1] else max(0.0, upper[p, 0] - max(lines_x[i + 1], lower[p, 0]))
+        below = 0.0 if closed[p, 2] else max(0.0, min(lines_y[j], upper[p, 1]) - lower[p, 1])
+        above = 0.0 if closed[p, 3] else max(0.0, upper[p, 1] - max(lines_y[j + 1], lower[p, 1]))
+        parts_x = (before, upper[p, 0] - lower[p, 0] - before - behind, behind)
+        parts_y = (below, upper[p, 1] - lower[p, 1] - below - above, above)
+        own = number[i, j]
+        for a in range(3):
+            for b in range(3):
+                area = parts_x[a] * parts_y[b]
+                if area > 0.0:
+                    cell = number[i + a - 1, j + b - 1]
+                    covered[cell if cell >= 0 and counts[cell] > 0 else own] += area

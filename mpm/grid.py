@@ -149,24 +149,15 @@ class Grid:
             if ((cells[d] < 0) | (cells[d] >= axis.n_cells)).any():
                 raise GridError("material points have left the grid; enlarge mpm.margin")
         for slit, side in zip(self.slits, sides, strict=True):
-            line = _line_index(self.axes[slit.normal].breakpoints, slit.position)
+            line = self.line_of(slit)
             across = cells[slit.normal]
             np.minimum(across, line - 1, out=across, where=side < 0)
             np.maximum(across, line, out=across, where=side > 0)
         return cells[0], cells[1]
 
-    def cells_beside(self, slit: Slit) -> NDArray:
-        """Mask (nx, ny) of the cells that touch a slit."""
-        along, across = self.axes[1 - slit.normal].breakpoints, self.axes[slit.normal].breakpoints
-        line = _line_index(across, slit.position)
-        mask = np.zeros(self.shape, bool)
-        by_line = np.moveaxis(mask, slit.normal, 0)
-        by_line[line - 1 : line + 1] = (along[1:] > slit.start) & (along[:-1] < slit.end)
-        return mask
-
-    def cell_areas(self) -> NDArray:
-        """Areas (nx, ny) of the cells."""
-        return np.outer(*(np.diff(axis.breakpoints) for axis in self.axes))
+    def line_of(self, slit: Slit) -> int:
+        """Number of the grid line that a slit lies on."""
+        return _line_index(self.axes[slit.normal].breakpoints, slit.position)
 
     def cell_nodes(self, cells_x: NDArray, cells_y: NDArray) -> NDArray:
         """Nodes (n, (order + 1)^2) whose functions live on the cells."""

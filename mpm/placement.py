@@ -19,48 +19,55 @@ class PointCloud:
     ----------
     positions : (n, 2).
     volume : (n,) area times thickness.
-    size : (n, 2) extent of the point in x and y: its cell's over the points per direction.
+    size : (n, 2) extent in x and y of the rectangle that the point stands for.
+    corner : (n, 2) lower corner of that rectangle, from the point.
     body : (n,) number of the body.
     """
 
     positions: NDArray
     volume: NDArray
     size: NDArray
+    corner: NDArray
     body: NDArray
 
 
 def place_points(case: Case) -> PointCloud:
     """Points of a case: at Gauss points, regularly or at random (seeded) in each cell, kept where a body is.
 
-    The volume is the point's share of its cell by the Gauss weights, or an equal share.
+    Each point stands for a rectangle; on Gauss points its sides are the weights, otherwise equal shares of the cell.
     """
     x_lines, y_lines = (np.asarray(lines) for lines in grid_lines(case))
     widths = np.stack(np.meshgrid(np.diff(x_lines), np.diff(y_lines), indexing="ij"), -1).reshape(-1, 1, 2)
     corners = np.stack(np.meshgrid(x_lines[:-1], y_lines[:-1], indexing="ij"), -1).reshape(-1, 1, 2)
-    local, weights = _local_points(case, len(corners))
+    local, lower, extent = _local_points(case, len(corners))
     positions = (corners + widths * local).reshape(-1, 2)
-    volume = (widths.prod(axis=2) * weights).ravel() * case.plane.thickness
-    extent = np.broadcast_to(widths / case.mpm.points_per_cell, (len(corners), local.shape[1], 2))
+    size = (widths * extent).reshape(-1, 2)
+    corner = (widths * (lower - local)).reshape(-1, 2)
+    volume = size.prod(axis=1) * case.plane.thickness
     body = case.inside(positions)
     kept = (body >= 0) & ~_in_notch(case, positions)
-    return PointCloud(positions[kept], volume[kept], extent.reshape(-1, 2)[kept], body[kept])
+    return PointCloud(positions[kept], volume[kept], size[kept], corner[kept], body[kept])
 
 
-def _local_points(case: Case, n_cells: int) -> tuple[NDArray, NDArray]:
-    """Positions in the unit cell, (1 or n_cells, n, 2), and their shares of its area (n,)."""
+def _local_points(case: Case, n_cells: int) -> tuple[NDArray, NDArray, NDArray]:
+    """Points in the unit cell, lower corners and extents of their rectangles, all (n_cells or 1, n, 2)."""
     per_direction = case.mpm.points_per_cell
     if case.mpm.placement == "random":
         generator = np.random.default_rng(case.mpm.seed)
-        count = per_direction**2
-        return generator.random((n_cells, count, 2)), np.full(count, 1.0 / count)
+        points = generator.random((n_cells, per_direction**2, 2))
+        extent = np.full(points.shape, 1.0 / per_direction)
+        return points, points - 0.5 * extent, extent
     if case.mpm.placement == "gauss":
         abscissae, weights = np.polynomial.legendre.leggauss(per_direction)
         abscissae, weights = 0.5 * (abscissae + 1.0), 0.5 * weights
     else:
         abscissae = (np.arange(per_direction) + 0.5) / per_direction
         weights = np.full(per_direction, 1.0 / per_direction)
-    points = np.stack(np.meshgrid(abscissae, abscissae, indexing="ij"), -1).reshape(1, -1, 2)
-    return points, np.outer(weights, weights).ravel()
+    starts = np.cumsum(weights) - weights
+    pairs = (np.stack(np.meshgrid(a, a, indexing="ij"), -1).reshape(1, -1, 2) for a in (abscissae, starts, weights))
+    points, lower, extent = pairs
+    # one cell stands for all
+    return points, np.repeat(lower, n_cells, axis=0), np.repeat(extent, n_cells, axis=0)
 
 
 def _in_notch(case: Case, positions: NDArray) -> NDArray:

@@ -177,13 +177,18 @@ class MaterialPoints:
         intact = self.state.phase_field**2
         gradient = self.state.gradient * intact[:, None]
         xx, xy, yx, yy = 1.0 + gradient[:, 0], gradient[:, 1], gradient[:, 2], 1.0 + gradient[:, 3]
+        stretch = xx * yy - xy * yx
         if mpm.strain == "initial":
             deformation = np.stack([np.stack([xx, xy], -1), np.stack([yx, yy], -1)], -2)
             slope = slope @ deformation
         else:
-            volume = volume * (xx * yy - xy * yx)
+            volume = volume * stretch
         if mpm.fill_cells:
-            volume = volume * (1.0 + intact * (self._active.filling(volume, self.case.plane.thickness) - 1.0))
+            stretches = np.column_stack([xx, yy])
+            lower = self.state.positions - self._active.shift + stretches * self.cloud.corner
+            upper = lower + stretches * self.cloud.size
+            present = self.cloud.volume * stretch / self.case.plane.thickness
+            volume = volume * (1.0 + intact * (self._active.filling(lower, upper, present, self._sides) - 1.0))
         return slope, volume
 
     def _stiffness(self) -> NDArray:

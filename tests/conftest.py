@@ -1,0 +1,34 @@
+"""Small cases shared by the tests of the solvers."""
+
+import copy
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cases import Case, case_from_tables
+
+LIBRARY = Path(__file__).parents[1] / "cases" / "library"
+
+
+def merged(tables: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """The tables with others merged over them."""
+    result = copy.deepcopy(tables)
+    for key, value in changes.items():
+        result[key] = merged(result.get(key, {}), value) if isinstance(value, dict) else value
+    return result
+
+
+@pytest.fixture
+def variant() -> Callable[..., Case]:
+    """Builder of a library case with other tables: ``variant("sen_tension", mesh={"h": 0.05})``."""
+
+    def build(name: str, run: str = "mpm", **changes: Any) -> Case:
+        source = LIBRARY / name / "case.toml"
+        tables = tomllib.loads(source.read_text(encoding="utf-8"))
+        plain = merged({**tables, "tiers": {}, "checks": [], "runs": {run: {"solver": run}}}, changes)
+        return case_from_tables(plain, tier="standard", run=run, name=name, source=source)
+
+    return build

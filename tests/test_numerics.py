@@ -1,0 +1,108 @@
+"""Sparse patterns, linear solvers and Newton's method."""
+
+import numpy as np
+import pytest
+
+from numerics.costs import Costs
+from numerics.linear_solvers import linear_solver
+from numerics.newton import newton
+from numerics.sparse_pattern import SymmetricPattern, gather_vector
+from numerics.staggered import NewtonError
+
+RANDOM = np.random.default_rng(5)
+
+
+def chain(n_cells: int, k: int = 3):
+    """Cells of k unknowns in a row, each sharing one with the next; one unknown eliminated, two tied."""
+    equations = np.arange(n_cells)[:, None] * (k - 1) + np.arange(k)
+    equations[0, 0] = -1
+    equations[equations == equations.max()] = 2
+    factors = RANDOM.random((n_cells, k, k))
+    local = factors @ factors.transpose(0, 2, 1) + np.eye(k)
+    return equations, local
+
+
+def dense(equations, local, size):
+    matrix = np.zeros((size, size))
+    for cell, block in zip(equations, local, strict=True):
+        for i, row in enumerate(cell):
+            for j, column in enumerate(cell):
+                if row >= 0 and column >= 0:
+                    matrix[row, column] += block[i, j]
+    return matrix
+
+
+@pytest.fixture
+def system():
+    equations, local = chain(20)
+    size = int(equations.max()) + 1
+    matrix = dense(equations, local, size)
+    unused = np.diag(matrix) == 0
+    matrix[unused, unused] = 1.0
+    pattern = SymmetricPattern(equations, size)
+    first, second = np.triu_indices(3)
+    values = pattern.gather(np.ascontiguousarray(local[:, first, second]))
+    values[pattern.diagonal[unused]] = 1.0
+    return pattern, values, matrix
+
+
+def test_gathered_matrix_is_the_sum_of_its_cells(system):
+    pattern, values, matrix = system
+    assert np.allclose(pattern.full(values).toarray(), matrix, atol=1e-13)
+    rows, columns = np.array([4, 2]), np.array([3, 2])
+    places = pattern.positions(rows, columns)
+    assert np.allclose(values[places], matrix[rows, columns])
+
+
+@pytest.mark.parametrize("name", ["direct", "superlu", "gmres", "cg"])
+def test_linear_solvers_agree(system, name):
+    pattern, values, matrix = system
+    right_side = RANDOM.random(pattern.size)
+    solver = linear_solver(pattern, Costs(), name)
+    for scale in (1.0, 2.0):
+        solution = solver.solve(scale * values, right_side)
+        assert np.allclose(solution, np.linalg.solve(scale * matrix, right_side), rtol=1e-7, atol=1e-8)
+
+
+def test_direct_solver_takes_a_matrix_that_is_not_positive_definite(system):
+    pattern, values, matrix = system
+    values[pattern.diagonal[5]] -= 50.0
+    matrix[5, 5] -= 50.0
+    right_side = RANDOM.random(pattern.size)
+    for name in ("direct", "superlu"):
+        solution = linear_solver(pattern, Costs(), name).solve(values, right_side)
+        assert np.allclose(matrix @ solution, right_side, atol=1e-9)
+
+
+def test_gather_vector_drops_what_is_eliminated():
+    assert gather_vector(np.array([[0, -1], [0, 1]]), np.array([[1.0, 9.0], [2.0, 4.0]]), 2).tolist() == [3.0, 4.0]
+
+
+class Spring:
+    """A bilinear spring: stiff in compression, soft in tension; pulled by a force."""
+
+    def __init__(self, force: float, soft: float) -> None:
+        self.force, self.soft = force, soft
+
+    def residual(self, x):
+        return np.where(x > 0, self.soft * x, x) - self.force, abs(self.force)
+
+    def correction(self, x, residual):
+        return -residual / np.where(x > 0, self.soft, 1.0)
+
+
+@pytest.mark.parametrize("force", [1.0, -1.0])
+def test_newton_passes_a_kink(force):
+    costs = Costs()
+    x = newton(Spring(force, 1e-4), np.array([-np.sign(force)]), 1e-12, costs)
+    assert x[0] == pytest.approx(1e4 if force > 0 else -1.0)
+    assert costs.count["loose_equilibria"] == 0
+
+
+def test_newton_says_when_there_is_no_equilibrium():
+    class Nowhere(Spring):
+        def correction(self, x, residual):
+            return np.zeros_like(x)
+
+    with pytest.raises(NewtonError, match="no equilibrium"):
+        newton(Nowhere(1.0, 1.0), np.array([0.3]), 1e-9, Costs())

@@ -1,0 +1,112 @@
+"""The first test of the pair: where nothing moves and the points are the Gauss points, the MPM is the FEM."""
+
+import numpy as np
+import pytest
+
+from fem_reference import FiniteElements
+from mpm import MaterialPoints
+from numerics.quasi_static import increments
+
+COARSE = {"h": 0.02, "coarse": 0.1, "fine": {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}}
+
+
+def march(solver, case):
+    discretisation = solver(case)
+    history = [
+        (i.u, i.F, i.elastic_energy, i.fracture_energy, i.c_min) for i in increments(discretisation, case)
+    ]
+    return np.array(history), discretisation
+
+
+@pytest.mark.parametrize("split", ["none", "volumetric_deviatoric", "spectral"])
+def test_mpm_on_gauss_points_is_the_fem_through_fracture(variant, split):
+    case = variant(
+        "sen_tension",
+        mesh=COARSE,
+        load={"path": [0.0, 0.012], "increment": 1e-3, "smallest": 1e-3, "adaptive": False, "stop_when_broken": False},
+        staggered={"tolerance": 1e-6, "residual_tolerance": 1e-10},
+        mpm={"constraints_on": "nodes", "move_points": False},
+        materials={"steel": {"fracture": {"length_scale": 0.03, "residual_stiffness": 1e-6, "split": split}}},
+    )
+    fem, elements = march(FiniteElements, case)
+    mpm, points = march(MaterialPoints, case)
+    assert fem[:, 4].min() < 0.01, "the specimen did not break"
+    largest = np.abs(fem).max(axis=0)
+    assert (np.abs(mpm - fem).max(axis=0) <= 1e-9 * largest).all()
+
+    def by_place(fields):
+        order = np.lexsort(np.round(fields.reference, 9).T)
+        return fields.phase_field[order], fields.stress[order]
+
+    for one, other in zip(by_place(elements.fields()), by_place(points.fields()), strict=True):
+        assert np.abs(one - other).max() <= 1e-8 * max(1.0, np.abs(one).max())
+
+
+def test_penalty_on_the_points_edges_is_elimination_at_the_nodes(variant):
+    load = {"path": [0.0, 4e-3], "increment": 1e-3, "adaptive": False, "smallest": 1e-3}
+    blunt = {"steel": {"fracture": {"length_scale": 0.03}}}
+    case = variant("sen_tension", mesh=COARSE, load=load, materials=blunt, mpm={"move_points": False})
+    fem, _ = march(FiniteElements, case)
+    mpm, points = march(MaterialPoints, case)
+    assert np.abs(mpm[1:, 1] / fem[1:, 1] - 1).max() < 1e-5
+    assert 0 < points.measures()["constraint_error"] < 1e-4
+
+
+def test_moving_points_keep_to_the_fem(variant):
+    """Elastic plate; the points pass from cell to cell, and the body must not soften by it."""
+    changes = {
+        "mesh": {"h": 0.02, "coarse": 0.02, "fine": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
+        "load": {"path": [0.0, 0.02], "increment": 2e-3, "adaptive": False, "smallest": 2e-3},
+        "materials": {"steel": {"fracture": {"toughness": 1e3, "length_scale": 0.03}}},
+    }
+    fem, _ = march(FiniteElements, variant("sen_tension", **changes))
+
+    def largest_error(**mpm):
+        curve, _ = march(MaterialPoints, variant("sen_tension", mpm=mpm, **changes))
+        return np.abs(curve[1:, 1] / fem[1:, 1] - 1).max()
+
+    assert largest_error() < 0.012
+    assert largest_error(fill_cells=False, strain="updated") > 0.02, "the cure has nothing to cure"
+
+
+def test_tied_edge_moves_as_one(variant):
+    """A load through a tied edge: elimination in the FEM, one more unknown in the MPM."""
+    case = variant(
+        "sen_tension",
+        mesh={"h": 0.1, "coarse": 0.1, "fine": {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}},
+        load={"path": [0.0, 1e-3], "increment": 1e-3, "adaptive": False, "smallest": 1e-3},
+        materials={"steel": {"fracture": {"length_scale": 0.2}}},
+        boundaries={"left": {"edge": "left"}, "right": {"edge": "right"}},
+        constraints=[
+            {"on": "left", "direction": "x", "value": 0.0},
+            {"on": "bottom", "direction": "y", "value": 0.0},
+            {"on": "top", "direction": "y", "scale": 1.0},
+            {"on": "right", "direction": "x", "tied": True},
+        ],
+        mpm={"move_points": False},
+    )
+    forces = []
+    for solver in (FiniteElements, MaterialPoints):
+        history, discretisation = march(solver, case)
+        forces.append(history[-1, 1])
+        fields = discretisation.fields()
+        edge = fields.reference[:, 0] > 0.97
+        spread = np.ptp(fields.displacement[edge, 0] + (1 - fields.reference[edge, 0]) * fields.gradient[edge, 0])
+        assert spread < 2e-2 * np.abs(fields.displacement).max()
+    assert forces[1] == pytest.approx(forces[0], rel=1e-4)
+
+
+def test_same_case_twice_and_on_one_or_two_threads(variant):
+    from numerics.threads import use_threads
+
+    case = variant(
+        "sen_tension", mesh=COARSE, load={"path": [0.0, 5e-3], "increment": 1e-3},
+        materials={"steel": {"fracture": {"length_scale": 0.03}}},
+    )  # fmt: skip
+    curves = []
+    for threads in (1, 1, 2):
+        use_threads(threads)
+        curves.append(march(MaterialPoints, case)[0])
+    use_threads(2)
+    assert np.array_equal(curves[0], curves[1])
+    assert np.allclose(curves[0], curves[2], rtol=1e-7, atol=1e-12)
