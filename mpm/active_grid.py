@@ -62,7 +62,7 @@ class ActiveGrid:
         closed = self._closed_sides(sides)
         _cover(x, y, lower, upper, *lines, closed, self._number, counts, covered)
         held = np.bincount(self.cell, weights=area, minlength=len(counts))
-        return (covered[self.cell]) / held[self.cell]
+        return covered[self.cell] / held[self.cell]
 
     def _closed_sides(self, sides: list[NDArray]) -> NDArray:
         """Which neighbours (n_points, 4) - left, right, below, above - lie across a slit."""
@@ -107,6 +107,7 @@ def _cover(cells_x, cells_y, lower, upper, lines_x, lines_y, closed, number, cou
         for a in range(3):
             for b in range(3):
                 area = parts_x[a] * parts_y[b]
-                if area > 0.0:
-                    cell = number[i + a - 1, j + b - 1]
-                    covered[cell if cell >= 0 and counts[cell] > 0 else own] += area
+                ia, jb = i + a - 1, j + b - 1
+                inside = 0 <= ia < number.shape[0] and 0 <= jb < number.shape[1]
+                cell = number[ia, jb] if inside else -1
+                covered[cell if cell >= 0 and counts[cell] > 0 else own] += area
