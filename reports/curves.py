@@ -63,7 +63,7 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
     for run in runs:
         _draw_history(axes, run, colours[run.name], force, displacement)
     axes.axhline(0.0, color=style.GREY, linewidth=0.6)
-    axes.legend(loc="best" if len(runs) + len(published) <= 6 else "outside right upper")
+    axes.legend(loc="best", ncols=1 + (len(runs) + len(published)) // 8, fontsize="x-small" if len(runs) > 6 else None)
     tables = [run.history[["u", "F"]].assign(run=run.name) for run in runs]
     tables += [points[["u", "F"]].assign(run=f"published: {name}") for name, points in published]
     return style.Drawing(
