@@ -58,9 +58,9 @@ class ActiveGrid:
         counts = np.diff(self.starts)
         covered = np.zeros(len(counts))
         x, y = self._x[self.cell], self._y[self.cell]
-        lines = [axis.breakpoints for axis in self._grid.axes]
+        lines_x, lines_y = (axis.breakpoints for axis in self._grid.axes)
         closed = self._closed_sides(sides)
-        _cover(x, y, lower, upper, *lines, closed, self._number, counts, covered)
+        _cover(x, y, lower, upper, lines_x, lines_y, closed, self._number, counts, covered)
         held = np.bincount(self.cell, weights=area, minlength=len(counts))
         return covered[self.cell] / held[self.cell]
 

@@ -54,9 +54,9 @@ def _local_points(case: Case, n_cells: int) -> tuple[NDArray, NDArray, NDArray]:
     per_direction = case.mpm.points_per_cell
     if case.mpm.placement == "random":
         generator = np.random.default_rng(case.mpm.seed)
-        points = generator.random((n_cells, per_direction**2, 2))
-        extent = np.full(points.shape, 1.0 / per_direction)
-        return points, points - 0.5 * extent, extent
+        scattered = generator.random((n_cells, per_direction**2, 2))
+        share = np.full(scattered.shape, 1.0 / per_direction)
+        return scattered, scattered - 0.5 * share, share
     if case.mpm.placement == "gauss":
         abscissae, weights = np.polynomial.legendre.leggauss(per_direction)
         abscissae, weights = 0.5 * (abscissae + 1.0), 0.5 * weights

@@ -10,6 +10,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from scipy.spatial import cKDTree
 
 from . import style
 from .curves import run_label
@@ -22,11 +23,12 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+    from cases import Case
+
     from .results import CaseResults, GridState, PointState, RunResults
 
 LARGEST_SNAPSHOTS = 4
 LARGEST_ROWS = 4
-WIDEN = 1.17  # of a point's square: the largest gap between Gauss points is 1.16 times their mean distance
 PIXELS = 700  # along the longer side of a field that is drawn as an image
 ELEMENT, BROKEN_ELEMENT = ("#dfe9f2", style.OKABE_ITO[0]), ("#f6cfae", style.OKABE_ITO[1])  # face, edge
 SHARE_OF_BODY_TO_MOVE = 0.06  # displacements are drawn this large, relative to the body
@@ -35,48 +37,31 @@ SHARE_OF_BODY_TO_MOVE = 0.06  # displacements are drawn this large, relative to 
 # ---------------------------------------------------------------- painting
 
 
-def paint_points(
-    axes: Axes, places: np.ndarray, volume: np.ndarray, values: np.ndarray, **colours: Any
-) -> Any:  # fmt: skip
-    """Paint each point as a square about its own area, and return what a colour bar needs.
+def paint_points(axes: Axes, case: Case | None, places: np.ndarray, values: np.ndarray, **colours: Any) -> Any:
+    """Paint the bodies with the value of the nearest point, and return what a colour bar needs.
 
-    places : (n, 2) [length]; volume : (n,) area of each point [length²]; values : (n,).
-    Clouds above ``RASTER_ABOVE`` points become one image, small ones stay vector squares.
+    places : (n, 2) [length]; values : (n,), NaN where nothing is to be seen. Points may stand for long rectangles, where
+    the grid is graded: the nearest point fills them without gaps.
     """
-    side = WIDEN * np.sqrt(np.maximum(volume, 0.0))
-    if len(places) > style.RASTER_ABOVE:
-        image, extent = point_image(places, side, values)
-        return axes.imshow(image, extent=extent, origin="lower", interpolation="nearest", **colours)
-    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    squares = places[:, None, :] + side[:, None, None] * corners
-    return axes.add_collection(
-        PolyCollection(squares, array=values, edgecolors="none", linewidths=0, **colours)
-    )
+    assert case is not None  # a field comes with its case
+    image, extent = point_image(case, places, values)
+    return axes.imshow(image, extent=extent, origin="lower", interpolation="nearest", **colours)
 
 
 def point_image(
-    places: np.ndarray, side: np.ndarray, values: np.ndarray
+    case: Case, places: np.ndarray, values: np.ndarray
 ) -> tuple[np.ma.MaskedArray, tuple[float, float, float, float]]:
-    """Return points as an image (rows, columns), masked where there is none, and its extent.
-
-    Each pixel takes the mean of the points whose squares cover it.
-    """
-    lower = (places - side[:, None] / 2).min(axis=0)
-    upper = (places + side[:, None] / 2).max(axis=0)
+    """Return points as an image (rows, columns), masked outside the bodies, and its extent."""
+    lower, upper = (np.asarray(corner, dtype=float) for corner in case.bounding_box())
     pixel = (upper - lower).max() / PIXELS
     columns, rows = np.maximum(np.round((upper - lower) / pixel).astype(int), 1)
-    first = np.floor((places - side[:, None] / 2 - lower) / pixel + 0.5).astype(int)
-    width = np.maximum(np.floor((places + side[:, None] / 2 - lower) / pixel + 0.5).astype(int) - first, 1)
-    covered = width.prod(axis=1)
-    point = np.repeat(np.arange(len(places)), covered)  # one entry for each pixel that a point covers
-    within = np.arange(len(point)) - np.repeat(np.cumsum(covered) - covered, covered)
-    x = np.clip(first[point, 0] + within % width[point, 0], 0, columns - 1)
-    y = np.clip(first[point, 1] + within // width[point, 0], 0, rows - 1)
-    count = np.bincount(y * columns + x, minlength=rows * columns).reshape(rows, columns)
-    total = np.bincount(y * columns + x, values[point], rows * columns).reshape(rows, columns)
-    image = np.ma.masked_array(total / np.maximum(count, 1), mask=count == 0)
-    end = lower + pixel * np.array([columns, rows])
-    return image, (lower[0], end[0], lower[1], end[1])
+    x = lower[0] + (np.arange(columns) + 0.5) / columns * (upper[0] - lower[0])
+    y = lower[1] + (np.arange(rows) + 0.5) / rows * (upper[1] - lower[1])
+    pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    nearest = values[cKDTree(places).query(pixels)[1]]
+    hidden = (case.inside(pixels) < 0) | np.isnan(nearest)
+    image = np.ma.masked_array(np.nan_to_num(nearest), mask=hidden).reshape(rows, columns)
+    return image, (lower[0], upper[0], lower[1], upper[1])
 
 
 def paint_mesh(axes: Any, grid: GridState, **colours: Any) -> Any:
@@ -187,7 +172,7 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
         if run.solver == "fem":
             return paint_mesh(axes, run.grid(u), **colours)
         points = run.points(u)
-        return paint_points(axes, points.reference, points.volume, points.phase_field, **colours)
+        return paint_points(axes, results.case, points.reference, points.phase_field, **colours)
 
     drawn = _snapshot_panels(results, draw, "phase field c (0 broken, 1 intact)")
     if drawn is None:
@@ -195,7 +180,7 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
     figure, runs, _ = drawn
     caption = (
         f"Phase field of {listed(run_label(run) for run in runs)} in reference coordinates, "
-        "one colour scale. FEM: nodal values; MPM: each material point as a square about its own area."
+        "one colour scale. FEM: nodal values; MPM: each place as the nearest material point."
     )
     return style.Drawing("phase-field", "Phase field", caption, style.save(figure, folder, "phase-field"))
 
@@ -213,7 +198,7 @@ def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | No
         places = points.reference + points.displacement
         shade_bodies(axes, results.case, style.GREY)  # shows through where points are removed
         return paint_points(
-            axes, places[kept], points.volume[kept], points.hydrostatic_stress[kept],
+            axes, results.case, places, np.where(kept, points.hydrostatic_stress, np.nan),
             cmap=style.SIGNED_COLOURS, clim=(-limit, limit),
         )  # fmt: skip
 

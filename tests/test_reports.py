@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 from synthetic_run import TITLE, write_verification
 
+from cases import load_case
 from reports import write_report
 from reports.fields import point_image
 from reports.report import SECTIONS
@@ -148,13 +149,13 @@ def test_equal_results_give_equal_figures(report: tuple[Path, dict[str, Any]], t
 
 
 def test_points_are_painted_where_they_are() -> None:
-    places = np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 0.5]])
-    image, extent = point_image(places, np.ones(3), np.array([1.0, 2.0, 4.0]))
-    assert extent[:2] == pytest.approx((0.0, 3.0), abs=1e-2)
-    assert not image.mask.any()
-    assert image.mean() == pytest.approx(7.0 / 3.0, rel=1e-2)
+    places = np.array([[0.25, 0.5], [0.75, 0.25], [0.75, 0.75]])
+    image, extent = point_image(load_case("sen_tension"), places, np.array([1.0, 2.0, np.nan]))
+    assert extent == pytest.approx((0.0, 1.0, 0.0, 1.0))
     assert image[0, 0] == 1.0
-    assert image[-1, -1] == 4.0
+    assert image[0, -1] == 2.0
+    assert image.mask[-1, -1], "what has no value is not painted"
+    assert 0.15 < image.mask.mean() < 0.3
 
 
 def test_the_verdict_sentence_names_the_tightest_check() -> None:
