@@ -153,7 +153,8 @@ class Mpm(Table):
     penalty : in multiples of the stiffness, dimensionless
     move_points : carry the points with the displacement
     strain : measured on the initial geometry, as small strain theory and the FEM have it, or on the updated one
-    fill_cells : let the points fill each cell of the grid as far as the body covers it
+    fill_cells : let the points integrate each cell of the grid as far as the body covers it, by weights and places
+        fitted to the area covered and its moments
     margin : cells of grid around the body
     """
 
@@ -179,6 +180,7 @@ class Staggered(Table):
     tolerance : on max |change of c|
     residual_tolerance : on the relative residual of equilibrium
     over_relaxation : of the phase field between iterations; 1 for none
+    irreversible : drive the phase field by the largest tensile energy ever met (Eq. 2.59), not by the present one
     """
 
     scheme: Literal["converged", "one_pass"] = "converged"
@@ -186,6 +188,7 @@ class Staggered(Table):
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
     over_relaxation: Annotated[Number, Field(ge=1, lt=2)] = 1.7
     largest_iterations: Annotated[Whole, Field(ge=1)] = 2000
+    irreversible: Switch = True
 
 
 class Output(Table):

@@ -22,7 +22,11 @@ from . import kernels
 from .active_grid import ActiveGrid
 from .constraints import Motion, PointPenalty, displacement_motions, nodes_on, points_on
 from .grid import Grid
+from .integration import Rectangles, integrate_cells
 from .placement import place_points
+
+#: below this phase field, material tears: its own deformation means less and less
+TORN_PHASE_FIELD = 0.2
 
 
 @dataclass
@@ -149,13 +153,15 @@ class MaterialPoints:
             self._set_equations(self._active)
         self._active.sort_points(cells)
         self._active.shift = shift
-        self._value, slope = self.grid.evaluate(positions, *cells)
-        self._slope, self._volume = self._measure_on(slope)
+        self._value_at_points, slope_at_points = self.grid.evaluate(positions, *cells)
+        filling, places = self._integration(positions)
+        self._value, slope = self.grid.evaluate(places, *cells)
+        self._slope, self._volume = self._measure_on(slope, filling)
         springs = self._penalties
-        nodes = self._active.nodes[self._active.cell[springs.places]]
+        held = springs.places
         # the displacement at the held place, by the point's own gradient
-        value = self._value[springs.places] + np.einsum("pai,pi->pa", slope[springs.places], springs.offset)
-        springs.find_in_grid(nodes, value, self._equations, self._size)
+        value = self._value_at_points[held] + np.einsum("pai,pi->pa", slope_at_points[held], springs.offset)
+        springs.find_in_grid(self._active.nodes[self._active.cell[held]], value, self._equations, self._size)
         self._external = self._body_forces()
         self.costs.count["active_cells"] = self._active.n_occupied
 
@@ -168,28 +174,40 @@ class MaterialPoints:
             return np.zeros(2)
         return self.state.displacement[self._tip_points].mean(axis=0)
 
-    def _measure_on(self, slope: NDArray) -> tuple[NDArray, NDArray]:
+    def _integration(self, positions: NDArray) -> tuple[NDArray, NDArray]:
+        """Factors (n_points,) on the points' volumes and places (n_points, 2) where they integrate.
+
+        Torn material (c -> 0) keeps its own.
+        """
+        if not self.case.mpm.fill_cells:
+            return np.ones(len(positions)), positions
+        intact = self._intact()
+        deformation = self._deformation(intact)
+        stretches = deformation[:, [0, 1], [0, 1]]
+        lower = positions + stretches * self.cloud.corner
+        area = np.linalg.det(deformation) * self.cloud.volume / self.case.plane.thickness
+        rectangles = Rectangles(lower, lower + stretches * self.cloud.size, area)
+        filling, places = integrate_cells(self.grid, self._active, positions, rectangles, self._sides)
+        return 1.0 + intact * (filling - 1.0), positions + intact[:, None] * (places - positions)
+
+    def _measure_on(self, slope: NDArray, filling: NDArray) -> tuple[NDArray, NDArray]:
         """Slopes (n_points, k, 2) and volumes (n_points,) by which strains and integrals are measured.
 
         Torn material (c -> 0) keeps the grid's own slopes and its own volume.
         """
-        mpm, volume = self.case.mpm, self.cloud.volume
-        intact = self.state.phase_field**2
-        gradient = self.state.gradient * intact[:, None]
-        xx, xy, yx, yy = 1.0 + gradient[:, 0], gradient[:, 1], gradient[:, 2], 1.0 + gradient[:, 3]
-        stretch = xx * yy - xy * yx
-        if mpm.strain == "initial":
-            deformation = np.stack([np.stack([xx, xy], -1), np.stack([yx, yy], -1)], -2)
-            slope = slope @ deformation
-        else:
-            volume = volume * stretch
-        if mpm.fill_cells:
-            stretches = np.column_stack([xx, yy])
-            lower = self.state.positions - self._active.shift + stretches * self.cloud.corner
-            upper = lower + stretches * self.cloud.size
-            present = self.cloud.volume * stretch / self.case.plane.thickness
-            volume = volume * (1.0 + intact * (self._active.filling(lower, upper, present, self._sides) - 1.0))
-        return slope, volume
+        deformation = self._deformation(self._intact())
+        volume = self.cloud.volume * filling
+        if self.case.mpm.strain == "initial":
+            return slope @ deformation, volume
+        return slope, volume * np.linalg.det(deformation)
+
+    def _intact(self) -> NDArray:
+        """1 for material that still holds together, falling to 0 as it tears (n_points,)."""
+        return np.clip(self.state.phase_field / TORN_PHASE_FIELD, 0.0, 1.0) ** 2
+
+    def _deformation(self, intact: NDArray) -> NDArray:
+        """Deformation gradient (n_points, 2, 2), as far as the material is intact (n_points,)."""
+        return np.eye(2) + (self.state.gradient * intact[:, None]).reshape(-1, 2, 2)
 
     def _stiffness(self) -> NDArray:
         """Penalty (n_points,) [force / length]: a multiple of the uniaxial modulus times thickness."""
@@ -330,7 +348,7 @@ class MaterialPoints:
     def _point_displacement(self) -> NDArray:
         """Displacement (n_points, 2) after the trial increment."""
         nodes = self._active.nodes[self._active.cell]
-        return self.state.displacement + np.einsum("pa,pai->pi", self._value, self._increment[nodes])
+        return self.state.displacement + np.einsum("pa,pai->pi", self._value_at_points, self._increment[nodes])
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Newton step -K^-1 R with the consistent tangent (Eqs. 3.59, A.6)."""

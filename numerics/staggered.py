@@ -61,6 +61,8 @@ class Discretisation(Protocol):
 
 #: relative residual of equilibrium allowed while the phase field still changes by one
 EQUILIBRIUM_SHARE = 1e-2
+#: ratio of successive changes near a limit load
+SLOW_RATIO = 0.99
 
 
 class NewtonError(RuntimeError):
@@ -99,7 +101,7 @@ def _one_pass(discretisation: Discretisation, case: Case, load: float, give_up) 
     """The thesis's N_staggs = 1: phase field from the old history, then displacement."""
     discretisation.solve_phase_field(discretisation.history_field)
     tensile_energy = discretisation.solve_displacement(load, case.staggered.residual_tolerance)
-    history_field = update_history(discretisation.history_field, tensile_energy)
+    history_field = _history(case, discretisation.history_field, tensile_energy)
     return StepOutcome("converged", history_field, 1)
 
 
@@ -109,15 +111,15 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
     committed = discretisation.history_field
     # points that have moved see last step's nodes elsewhere: map the phase field anew
     phase_field = discretisation.solve_phase_field(committed)
-    history_field, change = committed, 0.0
+    history_field, change, before = committed, 0.0, 0.0
     for iteration in range(1, settings.largest_iterations + 1):
         # equilibrium only as exact as the phase field has come to rest
         tolerance = max(settings.residual_tolerance, EQUILIBRIUM_SHARE * change)
         tensile_energy = discretisation.solve_displacement(load, tolerance)
-        history_field = update_history(committed, tensile_energy)
+        history_field = _history(case, committed, tensile_energy)
         previous, phase_field = phase_field, discretisation.solve_phase_field(history_field)
-        change = float(np.abs(phase_field - previous).max())
-        if change <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
+        before, change = change, float(np.abs(phase_field - previous).max())
+        if _remaining(change, before) <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
             return StepOutcome("converged", history_field, iteration)
         reason = give_up(iteration)
         if reason:
@@ -125,3 +127,17 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
         if settings.over_relaxation > 1.0:
             phase_field = discretisation.over_relax_phase_field(settings.over_relaxation)
     return StepOutcome("stalled", history_field, settings.largest_iterations, f"{iteration} staggered iterations")
+
+
+def _remaining(change: float, before: float) -> float:
+    """Distance to the limit of a sequence whose changes fall in proportion, but not below its last change.
+
+    Near a limit load the changes are small long before the phase field rests. A first change says nothing of the
+    next ones: slow ones are assumed.
+    """
+    ratio = change / before if before > 0.0 else SLOW_RATIO
+    return change * max(1.0, ratio / (1.0 - ratio)) if ratio < 1.0 else (np.inf if change > 0.0 else 0.0)
+
+
+def _history(case: Case, committed: NDArray, tensile_energy: NDArray) -> NDArray:
+    return update_history(committed, tensile_energy) if case.staggered.irreversible else tensile_energy
