@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from cases import Case
 from physics.exact import MOTIONS
 
+from .mesh_arrays import MeshError
+
 COMPONENTS: dict[str | None, int] = {"x": 0, "y": 1}
 
 
@@ -30,7 +32,7 @@ class NodeConstraints:
         self._motions: list[tuple[str, NDArray]] = []
         self.phase_value = np.ones(n_nodes)
         prescribed, phase_prescribed = np.zeros(2 * n_nodes, bool), np.zeros(n_nodes, bool)
-        master = np.arange(2 * n_nodes)
+        master, tied = np.arange(2 * n_nodes), np.zeros(2 * n_nodes, bool)
         tolerance = 1e-6 * case.mesh.h
         for constraint in case.constraints:
             selected = np.flatnonzero(
@@ -44,10 +46,17 @@ class NodeConstraints:
             else:
                 unknowns = 2 * selected + COMPONENTS[constraint.direction]
                 if constraint.tied:
-                    master[unknowns] = unknowns[0]
+                    master[unknowns], tied[unknowns] = unknowns[0], True
                 else:
                     prescribed[unknowns] = True
                     self._scale[unknowns], self._value[unknowns] = constraint.scale or 0.0, constraint.value or 0.0
+        both = np.flatnonzero(prescribed & tied)
+        if len(both):
+            place = nodes[both[0] // 2].tolist()
+            raise MeshError(
+                f"{case.source}: constraints: the node at {place} is both tied and prescribed in the same direction;"
+                " leave it out of one of the two boundary sets"
+            )
         self.prescribed, self.phase_prescribed = prescribed, phase_prescribed
         self.equations = _number(prescribed, master)
         self.phase_equations = _number(phase_prescribed, np.arange(n_nodes))

@@ -6,14 +6,18 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from cases import Case
+from cases import Case, CaseError
 from cases.spacing import grid_lines
 
 from .splines import Axis
 
 
-class GridError(ValueError):
-    """The grid cannot hold the case, or points have left it."""
+class GridError(CaseError):
+    """No grid can be made as the case asks; the message is one sentence that ends with the remedy."""
+
+
+class LostPointsError(RuntimeError):
+    """Material points have left the grid."""
 
 
 class Slit:
@@ -147,7 +151,7 @@ class Grid:
         cells = [axis.locate(positions[:, d]) for d, axis in enumerate(self.axes)]
         for d, axis in enumerate(self.axes):
             if ((cells[d] < 0) | (cells[d] >= axis.n_cells)).any():
-                raise GridError("material points have left the grid; enlarge mpm.margin")
+                raise LostPointsError("material points have left the grid; enlarge mpm.margin")
         for slit, side in zip(self.slits, sides, strict=True):
             line = self.line_of(slit)
             across = cells[slit.normal]

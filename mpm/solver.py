@@ -21,7 +21,7 @@ from physics.phase_field import PhaseFieldCoefficients, crack_density, degradati
 from . import kernels
 from .active_grid import ActiveGrid
 from .constraints import Motion, PointPenalty, displacement_motions, nodes_on, points_on
-from .grid import Grid
+from .grid import Grid, GridError
 from .integration import Rectangles, integrate_cells
 from .placement import place_points
 
@@ -219,14 +219,19 @@ class MaterialPoints:
         used = np.zeros(n_nodes, bool)
         used[active.nodes.ravel()] = True
         free = np.repeat(used, 2)
-        master = np.arange(2 * n_nodes)
+        master, tied = np.arange(2 * n_nodes), np.zeros(2 * n_nodes, bool)
         self._prescribed = np.zeros(2 * n_nodes, bool)
         for motion in self._node_motions:
             unknowns = 2 * motion.places + motion.component
             if motion.tied:
-                master[unknowns] = unknowns[0]
+                master[unknowns], tied[unknowns] = unknowns[0], True
             else:
                 self._prescribed[unknowns] = True
+        if (tied & self._prescribed).any():
+            raise GridError(
+                f"{self.case.source}: constraints: a node is both tied and prescribed in the same direction; leave it out"
+                " of one of the two boundary sets"
+            )
         free &= ~self._prescribed
         leading = free & (master == np.arange(2 * n_nodes))
         numbers = np.where(leading, np.cumsum(leading) - 1, -1)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import CaseError
 from fem_reference import FiniteElements
 from mpm import MaterialPoints
 from numerics.quasi_static import increments
@@ -94,6 +95,21 @@ def test_tied_edge_moves_as_one(variant):
         spread = np.ptp(fields.displacement[edge, 0] + (1 - fields.reference[edge, 0]) * fields.gradient[edge, 0])
         assert spread < 2e-2 * np.abs(fields.displacement).max()
     assert forces[1] == pytest.approx(forces[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("solver", [FiniteElements, MaterialPoints])
+def test_a_node_both_tied_and_prescribed_is_refused(variant, solver):
+    case = variant(
+        "sen_tension", mesh=COARSE, mpm={"constraints_on": "nodes", "margin": 0},
+        materials={"steel": {"fracture": {"length_scale": 0.03}}},
+        constraints=[
+            {"on": "bottom", "direction": "y", "value": 0.0},
+            {"on": "top", "direction": "y", "scale": 1.0},
+            {"on": "right", "direction": "y", "tied": True},
+        ], boundaries={"right": {"edge": "right"}},
+    )  # fmt: skip
+    with pytest.raises(CaseError, match="both tied and prescribed"):
+        march(solver, case)
 
 
 def test_same_case_twice_and_on_one_or_two_threads(variant):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cases import Case, load_case
+from cases import Case, CaseError, load_case
 from numerics.costs import Costs
 from verify.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.run_folder import Discretisation, RunFolder, RunFolderError, RunWriter, WriteError, run_path
@@ -148,7 +148,7 @@ class _Attempt:
             self._warm_up(self.discretisation)
             self._march(self.discretisation)
             self._look_at_last_state(self.discretisation)
-        except WriteError:
+        except (WriteError, CaseError):
             raise
         except Exception as error:
             self.status, self.reason = "failed", _one_line(error)
