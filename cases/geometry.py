@@ -146,6 +146,16 @@ class Shape(Table):
             inside &= ~hole.contains(points, -slack)
         return inside
 
+    @property
+    def is_rectilinear(self) -> bool:
+        """All edges lie along x or y."""
+        if self.difference:
+            return all(part.is_rectilinear for part in (self.difference.of, *self.difference.minus))
+        if self.disc:
+            return False
+        corners = np.array(self.outline().exterior.coords)
+        return bool((corners[1:] == corners[:-1]).any(axis=1).all())
+
     def straight_lines(self) -> tuple[list[float], list[float]]:
         """Coordinates x of vertical and y of horizontal edges of the outline, holes included [length]."""
         if self.difference:

@@ -22,9 +22,9 @@ def rectilinear(x_lines: Floats, y_lines: Floats) -> MeshArrays:
 
 
 def rectangles(case: Case, bodies: list[int]) -> MeshArrays:
-    """The rectangular bodies of these indices as cells of the grid; those that touch share nodes.
+    """The bodies of these indices, all with axis-parallel edges, as cells of the grid; those that touch share nodes.
 
-    Raises MeshError when a body does not begin and end at grid lines.
+    Raises MeshError when a body's edges are not grid lines.
     """
     grid = rectilinear(*grid_lines(case))
     body = case.inside(grid.centres())

@@ -88,8 +88,8 @@ def quality(mesh: Mesh) -> Quality:
 def build_mesh(case: Case) -> Mesh:
     """The finite elements of a case.
 
-    Rectangles become cells of `cases.spacing.grid_lines` unless mesh.element = "triangle"; with that, or as
-    soon as one body has another shape, all shapes are filled with triangles. A body given as a file keeps the
+    Shapes with axis-parallel edges become cells of `cases.spacing.grid_lines` unless mesh.element = "triangle"; with
+    that, or as soon as one body has another shape, all shapes are filled with triangles. A body given as a file keeps the
     file's elements. Bodies that share an edge share its nodes, except with bodies from files.
     Notches of kind "slit" are opened, those of kind "cells" left out, those of kind "history" passed over.
 
@@ -107,7 +107,7 @@ def build_mesh(case: Case) -> Mesh:
 def uses_quads(case: Case) -> bool:
     """The shapes of the case become quadrilaterals."""
     shapes = [body.shape for body in case.bodies.values() if body.shape]
-    return case.mesh.element == "quad" and all(shape.rectangle for shape in shapes)
+    return case.mesh.element == "quad" and all(shape.is_rectilinear for shape in shapes)
 
 
 def _opened_mesh(case: Case) -> MeshArrays:

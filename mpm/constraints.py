@@ -1,7 +1,7 @@
 """Kinematic constraints: on grid nodes by elimination, or on the body by the penalty method (Appendix A).
 
 The thesis holds the material points nearest to an edge, which lie a little inside the body. Holding the points'
-edges instead - the displacement there, by the point's own gradient - leaves no such offset.
+edges instead - the displacement there, by the basis of the point's cell - leaves no such offset.
 """
 
 from __future__ import annotations
@@ -56,6 +56,7 @@ class Motion:
         return (self.displacement(case, load + step) - self.displacement(case, load - step)) / (2.0 * step)
 
 
+Pair = tuple[float, float]
 #: chooses the places of a boundary set: (indices (n,), offsets (n, 2))
 Selector = Callable[[BoundarySet], tuple[NDArray, NDArray]]
 
@@ -94,11 +95,22 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
             offset[:, across] = box[corner][across] - cloud.positions[places, across]
         return places, offset
 
+    def in_region(lower: Pair, upper: Pair) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles touch a box, held at the nearest place in it."""
+        away = np.clip(cloud.positions, lower, upper) - cloud.positions
+        middle = cloud.corner + 0.5 * cloud.size
+        touching = np.flatnonzero((np.abs(away - middle) <= REACH * cloud.size).all(axis=1))
+        return touching, away[touching]
+
     def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
         edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
         if edges:
             places, offsets = zip(*(on_edge(boundary, edge) for edge in edges), strict=True)
             return np.concatenate(places), np.concatenate(offsets)
+        if at_edges and boundary.point:
+            return in_region(boundary.point, boundary.point)
+        if at_edges and boundary.box:
+            return in_region(boundary.box.lower, boundary.box.upper)
         reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(cloud.size.prod(axis=1))
         chosen = np.flatnonzero(boundary.select(cloud.positions, reach, box))  # type: ignore[arg-type]
         return chosen, np.zeros((len(chosen), 2))

@@ -153,14 +153,13 @@ class MaterialPoints:
             self._set_equations(self._active)
         self._active.sort_points(cells)
         self._active.shift = shift
-        self._value_at_points, slope_at_points = self.grid.evaluate(positions, *cells)
+        self._value_at_points, _ = self.grid.evaluate(positions, *cells)
         filling, places = self._integration(positions)
         self._value, slope = self.grid.evaluate(places, *cells)
         self._slope, self._volume = self._measure_on(slope, filling)
         springs = self._penalties
         held = springs.places
-        # the displacement at the held place, by the point's own gradient
-        value = self._value_at_points[held] + np.einsum("pai,pi->pa", slope_at_points[held], springs.offset)
+        value, _ = self.grid.evaluate(positions[held] + springs.offset, cells[0][held], cells[1][held])
         springs.find_in_grid(self._active.nodes[self._active.cell[held]], value, self._equations, self._size)
         self._external = self._body_forces()
         self.costs.count["active_cells"] = self._active.n_occupied

@@ -19,6 +19,9 @@ QUIET_SHARE = 0.25
 GROWTH = 1.5
 #: shortening of an increment that was undone
 SHRINKING = 0.25
+#: while nothing is broken, an increment that takes so many staggered iterations tells that a limit load is near, and
+#: halves the next one
+MANY_ITERATIONS = 12
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
 
@@ -145,7 +148,10 @@ class _LoadPath:
         self.done += abs(load - self.load)
         broken = self._broken(self.discretisation.reaction_force())
         accepted = self._accept(load, outcome, "broken_through" if broken else self._status())
-        if self.adaptive and quiet:
+        near_limit = outcome.iterations >= MANY_ITERATIONS and accepted.c_min > BROKEN_PHASE_FIELD
+        if self.adaptive and near_limit:
+            self.increment = max(0.5 * self.increment, self.case.load.smallest)
+        elif self.adaptive and quiet:
             self.increment = min(GROWTH * self.increment, self.case.load.increment)
         return accepted
 
