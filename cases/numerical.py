@@ -119,6 +119,7 @@ class Mesh(Table):
     growth : largest ratio of neighbouring spacings outside the fine box
     fine : the fine box
     element : shape of the finite elements
+    under_resolved : allow h above the length scale, to study what it costs
     """
 
     h: Annotated[Length, Field(gt=0)]
@@ -126,6 +127,7 @@ class Mesh(Table):
     growth: Annotated[Number, Field(gt=1, le=10)] = 1.3
     fine: Box | None = None
     element: Literal["quad", "triangle"] = "quad"
+    under_resolved: Switch = False
 
     @model_validator(mode="after")
     def _is_graded_outwards(self) -> Mesh:
@@ -176,14 +178,15 @@ class Staggered(Table):
 
     Attributes
     ----------
-    scheme : iterate until converged, or one pass per increment
+    scheme : iterate until converged, or a fixed number of `passes` per increment (the thesis's N_staggs)
     tolerance : on max |change of c|
     residual_tolerance : on the relative residual of equilibrium
     over_relaxation : of the phase field between iterations; 1 for none
     irreversible : drive the phase field by the largest tensile energy ever met (Eq. 2.59), not by the present one
     """
 
-    scheme: Literal["converged", "one_pass"] = "converged"
+    scheme: Literal["converged", "passes"] = "converged"
+    passes: Annotated[Whole, Field(ge=1)] = 1
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
     over_relaxation: Annotated[Number, Field(ge=1, lt=2)] = 1.7

@@ -205,7 +205,9 @@ class CaseDescription(Table):
 
     def _length_scales_are_resolved(self) -> None:
         for name, material in self.materials.items():
-            if material.fracture and material.fracture.length_scale < self.mesh.h:
+            if self.mesh.under_resolved or material.fracture is None:
+                continue
+            if material.fracture.length_scale < self.mesh.h:
                 remedy = f"make mesh.h = {self.mesh.h:g} no more than the length scale"
                 key = f"materials.{name}.fracture.length_scale"
                 raise BrokenRuleError(

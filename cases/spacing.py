@@ -25,8 +25,9 @@ def grid_lines(case: Case) -> tuple[Array, Array]:
 
     The spacing is h inside the fine box (everywhere without one). Outside, neighbouring spacings grow by
     `mesh.growth` up to `mesh.coarse`. The bounding box, the fine box, the straight axis-parallel edges of the
-    bodies, boundary points, boundary boxes that are at least h wide, tips of notches, slits along an axis and the outlines of cells-notches along an axis are lines;
-    between two of them the spacings shrink a little to fit, and never exceed 1.001 h in the fine box.
+    bodies, boundary points, boundary boxes that are at least h wide, tips of notches, slits along an axis and the
+    outlines of cells-notches along an axis are lines; between two of them the spacings shrink a little to fit, and
+    never exceed 1.001 h in the fine box.
 
     Returns
     -------
@@ -51,7 +52,7 @@ def _fine_interval(case: Case, axis: int, lower: float, upper: float) -> tuple[f
 
 
 def _feature_lines(case: Case, axis: int) -> list[float]:
-    """Coordinates that must be lines because a notch, an edge of a body, a held point or the edge of a held box lies there."""
+    """Coordinates that must be lines because a notch, a body's edge, a held point or a held box ends there."""
     lines = [line for notch in case.notches for line in _notch_lines(notch, axis)]
     for boundary in case.boundaries.values():
         lines += [boundary.point[axis]] if boundary.point else []

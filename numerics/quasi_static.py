@@ -51,7 +51,7 @@ class Increment:
 def increments(discretisation: Discretisation, case: Case) -> Iterator[Increment]:
     """Follow the load path of the case; yields the unloaded state first, then each accepted increment.
 
-    The last increment's status tells how it ended: "converged" or "one_pass" (path done), "broken_through",
+    The last increment's status tells how it ended: "converged" or "fixed_passes" (path done), "broken_through",
     or "no_convergence" (the state is the last good one, ``reason`` says why).
     """
     return _LoadPath(discretisation, case).follow()
@@ -92,7 +92,7 @@ class _LoadPath:
         return self._accept(self.load, outcome, self._status())
 
     def _status(self) -> str:
-        return "one_pass" if self.case.staggered.scheme == "one_pass" else "converged"
+        return "fixed_passes" if self.case.staggered.scheme == "passes" else "converged"
 
     def _advance(self, target: float) -> Increment:
         """One accepted increment towards the target, or the report that there is none."""

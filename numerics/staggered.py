@@ -93,16 +93,18 @@ def staggered_step(
     ``give_up(iteration)`` is asked after every iteration; a non-empty reason ends the step as "interrupted".
     """
     discretisation.begin_step()
-    step = _one_pass if case.staggered.scheme == "one_pass" else _until_converged
+    step = _passes if case.staggered.scheme == "passes" else _until_converged
     return step(discretisation, case, load, give_up)
 
 
-def _one_pass(discretisation: Discretisation, case: Case, load: float, give_up) -> StepOutcome:
-    """The thesis's N_staggs = 1: phase field from the old history, then displacement."""
-    discretisation.solve_phase_field(discretisation.history_field)
-    tensile_energy = discretisation.solve_displacement(load, case.staggered.residual_tolerance)
-    history_field = _history(case, discretisation.history_field, tensile_energy)
-    return StepOutcome("converged", history_field, 1)
+def _passes(discretisation: Discretisation, case: Case, load: float, give_up) -> StepOutcome:
+    """The thesis's N_staggs passes: phase field from the history so far, then displacement."""
+    committed = history_field = discretisation.history_field
+    for _ in range(case.staggered.passes):
+        discretisation.solve_phase_field(history_field)
+        tensile_energy = discretisation.solve_displacement(load, case.staggered.residual_tolerance)
+        history_field = _history(case, committed, tensile_energy)
+    return StepOutcome("converged", history_field, case.staggered.passes)
 
 
 def _until_converged(discretisation: Discretisation, case: Case, load: float, give_up) -> StepOutcome:

@@ -126,15 +126,16 @@ def judge_case(case: Case, out: Path) -> CaseVerdict:
 
 
 def checks_of(case: Case) -> list[Check]:
-    """The checks that apply at the case's tier; all of the case are looked through for mistakes.
+    """The checks that apply at the case's tier, looked through for mistakes.
 
     Raises
     ------
     JudgeError : a check that no result could ever answer.
     """
-    for number in range(len(case.checks)):
+    applying = [number for number, check in enumerate(case.checks) if case.tier in check.tiers]
+    for number in applying:
         require_sense(case, number)
-    return [check for check in case.checks if case.tier in check.tiers]
+    return [case.checks[number] for number in applying]
 
 
 class _UnavailableError(Exception):
