@@ -246,10 +246,8 @@ class CaseDescription(Table):
             raise BrokenRuleError(text, "give a larger spacing or a smaller fine box", "mesh.h", self.mesh.h)
 
     def _checks_have_targets(self) -> None:
-        # a tier may add runs, for the checks of that tier
-        added = [name for tables in self.tiers.values() for name in tables.get("runs", {})]
-        runs = list(dict.fromkeys([*self.runs, *self.expanded_runs(), *added]))
-        for number, check in enumerate(self.checks):
+        runs = list(dict.fromkeys([*self.runs, *self.expanded_runs()]))
+        for number, check in self.applying_checks():
             _defined(check.run, runs, f"checks[{number}].run", "run")
             kind, name = check.target
             if kind == "run":
@@ -261,6 +259,10 @@ class CaseDescription(Table):
                 raise BrokenRuleError(
                     "has no exact solution to compare with", "add the key 'exact'", key, check.against
                 )
+
+    def applying_checks(self) -> list[tuple[int, Check]]:
+        """Checks with their numbers."""
+        return list(enumerate(self.checks))
 
     def _reference_has_the_metric(self, name: str, metric: str, key: str) -> None:
         _defined(name, list(self.references), key, "reference", f"reference:{name}")
@@ -286,6 +288,10 @@ class Case(CaseDescription):
     run: str | None = None
     folder: Path
     source: Path
+
+    def applying_checks(self) -> list[tuple[int, Check]]:
+        """Checks of this tier, which may have runs of its own, with their numbers."""
+        return [(number, check) for number, check in enumerate(self.checks) if self.tier in check.tiers]
 
     def hash(self) -> str:
         """First 16 hexadecimal digits of the SHA-256 of what is computed.

@@ -9,6 +9,7 @@ import pytest
 from verify.curves import (
     Curve,
     CurveError,
+    closed_stiffness,
     compare_curves,
     displacement_at_peak,
     dissipated_work,
@@ -212,6 +213,15 @@ def test_compression_keeps_its_sign():
     assert initial_stiffness(compressed) == pytest.approx(100.0)
     comparison = compare_curves(compressed, Curve(compressed.u, 1.06 * compressed.F))
     assert comparison.l2_percent_whole == pytest.approx(6.0, rel=1e-6)
+
+
+def test_a_closed_crack_carries_again() -> None:
+    loaded, opened, closed = [0, 1, 2], [1, 0, -1, -2], [-1, 0, 1]
+    u = [*loaded, *opened, *closed]
+    F = [0, 5, 6, 3, 0, -5, -10, -5, 0, 3]
+    assert closed_stiffness(Curve(u, F)) == pytest.approx(5.0)
+    with pytest.raises(CurveError, match="never goes to the other side"):
+        closed_stiffness(Curve([0, 1, 2], [0, 5, 6]))
 
 
 def cycle(scale=1.0, n=200):

@@ -217,6 +217,23 @@ def initial_stiffness(curve: Curve) -> float:
     return float(u @ F / (u @ u)) if u @ u > 0 else float("nan")
 
 
+def closed_stiffness(curve: Curve) -> float:
+    """Slope of the least-squares line through the points of the first reversed branch beyond the origin.
+
+    Once loaded one way, a specimen is pushed the other way: cracks that close carry the force as before.
+
+    Raises CurveError for a curve that never goes beyond the origin.
+    """
+    beyond = -curve.direction * curve.u > 0.0
+    if not beyond.any():
+        raise CurveError(f"{curve.source}: never goes to the other side of u = 0; close the crack in load.path")
+    start = int(np.argmax(beyond))
+    turned = np.diff(-curve.direction * curve.u[start:]) <= 0.0
+    end = start + (int(np.argmax(turned)) if turned.any() else len(turned)) + 1
+    u, F = curve.u[start:end], curve.F[start:end]
+    return float(np.polyfit(u, F, 1)[0]) if len(u) > 1 else float(F[0] / u[0])
+
+
 # --- coordinates along a curve --------------------------------------------------------------------
 
 

@@ -132,10 +132,10 @@ def checks_of(case: Case) -> list[Check]:
     ------
     JudgeError : a check that no result could ever answer.
     """
-    applying = [number for number, check in enumerate(case.checks) if case.tier in check.tiers]
-    for number in applying:
+    applying = case.applying_checks()
+    for number, _ in applying:
         require_sense(case, number)
-    return [case.checks[number] for number in applying]
+    return [check for _, check in applying]
 
 
 class _UnavailableError(Exception):

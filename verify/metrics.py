@@ -297,6 +297,12 @@ METRICS = _registry(
         "slope of the load-displacement curve at its start",
         _of_curve(curves.initial_stiffness),
     ),
+    Metric(
+        "closed_stiffness_ratio",
+        "number",
+        "slope of the curve on the other side of u = 0, where cracks are closed, over the initial one",
+        _of_curve(lambda curve: curves.closed_stiffness(curve) / curves.initial_stiffness(curve)),
+    ),
     Metric("dissipated_work", "energy", "external work that unloading does not give back", dissipated_work),
     Metric("fracture_energy", "energy", "fracture energy at the end", fracture_energy),
     Metric("energy_balance", "number", "share of the work that became no energy", energy_balance),
