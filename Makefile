@@ -3,6 +3,7 @@
 PYTHON ?= python3
 CASE ?=
 TIER ?= standard
+JOBS ?= 2
 OUT ?= reports/out
 BIN := .venv/bin
 
@@ -21,8 +22,8 @@ install: .venv/installed ## make .venv and install the pinned dependencies and t
 	@touch $@
 
 # A run that fails is judged too; only bad input (3) or anything unforeseen stops before the verdict.
-verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= quick | standard | paper
-	@$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT); ran=$$?; \
+verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= quick | standard | paper, JOBS= at a time
+	@$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); ran=$$?; \
 	if [ $$ran -ne 0 ] && [ $$ran -ne 2 ]; then exit $$ran; fi; \
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); verdict=$$?; \
 	$(BIN)/verify report --out $(OUT) || exit $$?; \

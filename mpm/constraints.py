@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.boundaries import BoundarySet
+from cases.geometry import Circle
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.exact import MOTIONS
 
@@ -102,6 +103,14 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
         touching = np.flatnonzero((np.abs(away - middle) <= REACH * cloud.size).all(axis=1))
         return touching, away[touching]
 
+    def on_circle(circle: Circle) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach the circle, held at the nearest place on it."""
+        outward = cloud.positions - np.asarray(circle.centre)
+        distance = np.linalg.norm(outward, axis=1)
+        reach = REACH * np.sqrt(2.0) * cloud.size.max(axis=1)
+        places = np.flatnonzero(np.abs(distance - circle.radius) <= reach)
+        return places, outward[places] * (circle.radius / distance[places] - 1.0)[:, None]
+
     def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
         edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
         if edges:
@@ -111,6 +120,8 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
             return in_region(boundary.point, boundary.point)
         if at_edges and boundary.box:
             return in_region(boundary.box.lower, boundary.box.upper)
+        if at_edges and boundary.circle:
+            return on_circle(boundary.circle)
         reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(cloud.size.prod(axis=1))
         chosen = np.flatnonzero(boundary.select(cloud.positions, reach, box))  # type: ignore[arg-type]
         return chosen, np.zeros((len(chosen), 2))
