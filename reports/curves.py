@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 LARGEST_ENERGY_PANELS = 6
 
 
+#: more runs than this have their legend below the curves
+MANY_RUNS = 6
+
+
 def run_label(run: RunResults) -> str:
     """Return a run's name with its method, ``mpm_gmres (PF-MPM)``; only the method where both agree."""
     method = style.NAME_OF_SOLVER.get(run.solver, run.solver)
@@ -55,7 +59,8 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
     if not runs:
         return None
     force, displacement = results.unit("force"), results.unit("displacement")
-    figure = Figure(figsize=(7.2, 4.2))
+    many = len(runs) > MANY_RUNS
+    figure = Figure(figsize=(7.2, 4.2 + 0.09 * len(runs) * many), layout="constrained")
     axes = style.curve_axes(figure, f"displacement u [{displacement}]", f"reaction force F [{force}]")
     published = list(published_curves(results))
     _draw_published(axes, published)
@@ -63,7 +68,10 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
     for run in runs:
         _draw_history(axes, run, colours[run.name], force, displacement)
     axes.axhline(0.0, color=style.GREY, linewidth=0.6)
-    axes.legend(loc="best", ncols=1 + (len(runs) + len(published)) // 8, fontsize="x-small" if len(runs) > 6 else None)
+    if many:
+        figure.legend(loc="outside lower center", ncols=2, fontsize="x-small")
+    else:
+        axes.legend(loc="best")
     tables = [run.history[["u", "F"]].assign(run=run.name) for run in runs]
     tables += [points[["u", "F"]].assign(run=f"published: {name}") for name, points in published]
     return style.Drawing(

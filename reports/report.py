@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from . import curves, fields, scene, style, tables, words
+from . import curves, fields, scene, style, sweeps, tables, words
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Distorted mesh and material points", fields.distortion),
     ("Hydrostatic stress", fields.hydrostatic_stress),
     ("Convergence", curves.convergence),
+    ("Critical values", sweeps.critical_values),
 )
 
 
