@@ -26,7 +26,9 @@ from .integration import Rectangles, integrate_cells
 from .placement import place_points
 
 #: below this phase field, material tears: its own deformation means less and less
-TORN_PHASE_FIELD = 0.2
+TORN_PHASE_FIELD = 0.4
+#: and no more than this much of it is taken, so that nothing turns inside out
+LARGEST_GRADIENT = 0.5
 
 
 @dataclass
@@ -206,7 +208,9 @@ class MaterialPoints:
 
     def _deformation(self, intact: NDArray) -> NDArray:
         """Deformation gradient (n_points, 2, 2), as far as the material is intact (n_points,)."""
-        return np.eye(2) + (self.state.gradient * intact[:, None]).reshape(-1, 2, 2)
+        size = np.linalg.norm(self.state.gradient, axis=1)
+        share = intact * np.minimum(1.0, LARGEST_GRADIENT / np.maximum(size, LARGEST_GRADIENT))
+        return np.eye(2) + (self.state.gradient * share[:, None]).reshape(-1, 2, 2)
 
     def _stiffness(self) -> NDArray:
         """Penalty (n_points,) [force / length]: a multiple of the uniaxial modulus times thickness."""
