@@ -193,3 +193,8 @@ def test_plan_prints_sizes_before_anything_runs(tmp_path: Path, capsys: pytest.C
     assert verify("plan", case, "--tier", "quick", "--run", "fem") == 0
     said = capsys.readouterr().out
     assert "25" in said and "72 of u, 36 of c" in said and "11 or more" in said
+
+
+def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert verify("--version") == 0
+    assert capsys.readouterr().out[0].isdigit()

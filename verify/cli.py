@@ -22,6 +22,7 @@ from verify.atomic import WriteError
 from verify.curves import CurveError
 from verify.judge import JudgeError, accept, checks_of, find_runs
 from verify.progress import progress_view
+from verify.provenance import code_version
 from verify.run_folder import RunFolder, RunFolderError, run_path
 from verify.running import DEFAULT_OUT, DEFAULT_THREADS, InterruptedRunError, case_for_run, run, up_to_date
 from verify.summary import (
@@ -83,6 +84,21 @@ def _selected_runs(case: Case, wanted: list[str] | None) -> list[str]:
 
 
 # ----------------------------------------------------------------------------------------- look, not compute
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        typer.echo(code_version())
+        raise typer.Exit
+
+
+@app.callback()
+def main_options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="show the version and end")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
 
 
 @app.command("list")
