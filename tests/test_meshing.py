@@ -90,6 +90,13 @@ def test_a_polygon_becomes_triangles_of_its_area(tmp_path: Path) -> None:
     assert_counter_clockwise(mesh)
 
 
+def test_outlines_along_the_axes_become_quads(tmp_path: Path) -> None:
+    corner = "{ polygon = { points = [[0, 0], [0.5, 0], [0.5, 0.5], [1, 0.5], [1, 1], [0, 1]] } }"
+    mesh = build_mesh(write_case(tmp_path, corner, "h = 0.1")).arrays
+    assert mesh.cells.shape == (75, 4)
+    assert signed_areas(mesh.points, mesh.cells).sum() == pytest.approx(0.75)
+
+
 def test_a_plate_with_a_hole(tmp_path: Path) -> None:
     fine = "h = 1.0, coarse = 5, fine = { lower = [5, 40], upper = [65, 70] }"
     mesh = build_mesh(write_case(tmp_path, PLATE_WITH_HOLE, fine))

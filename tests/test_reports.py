@@ -16,9 +16,10 @@ import pytest
 from synthetic_run import TITLE, write_verification
 
 from cases import load_case
-from reports import write_report
+from reports import sweeps, write_report
 from reports.fields import point_image
 from reports.report import SECTIONS
+from reports.results import CaseResults
 from reports.words import number, percent, verdict_sentence
 
 
@@ -167,3 +168,18 @@ def test_the_verdict_sentence_names_the_tightest_check() -> None:
     sentence = verdict_sentence({"checks": [loose, tight, shown_only]})
     assert sentence.startswith("2 of 2 gated checks within the limit.")
     assert "uses 90 % of its limit (initial stiffness of mpm against fem: error 0.9 %, limit 1 %)" in sentence
+
+
+def test_sweeps_are_drawn_beside_the_published_values(tmp_path: Path) -> None:
+    """Two spacings of two length scales: the caption tells the largest difference and where h resolves l0."""
+    checks = []
+    for length_scale, h, force in ((5.0, 5.0, 14.0), (5.0, 2.5, 13.8), (2.5, 5.0, 16.0), (2.5, 2.5, 15.0)):
+        run = f"spacing[length_scale={length_scale:g},h={h:g}]"
+        for metric, value in (("peak_force", force), ("displacement_at_peak", 0.01 * force)):
+            row = {"metric": metric, "run": run, "against": "reference:x", "value": value, "target": 1.02 * value}
+            checks.append(row)
+    results = CaseResults({"case": "l_panel_cell_spacing", "tier": "standard", "checks": checks}, tmp_path)
+    (drawing,) = sweeps.critical_values(results, tmp_path)
+    assert (tmp_path / drawing.file).stat().st_size > 0
+    assert "peak force 2 %" in drawing.caption
+    assert "at most 1.4 % where h ≤ l0, and by up to 6.7 % where h > l0" in drawing.caption
