@@ -179,7 +179,7 @@ class Staggered(Table):
     Attributes
     ----------
     scheme : iterate until converged, or a fixed number of `passes` per increment (the thesis's N_staggs)
-    tolerance : on max |change of c|
+    tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall
     residual_tolerance : on the relative residual of equilibrium
     over_relaxation : of the phase field between iterations; 1 for none
     irreversible : drive the phase field by the largest tensile energy ever met (Eq. 2.59), not by the present one

@@ -35,10 +35,12 @@ class Slit:
 
     @property
     def length(self) -> float:
+        """Distance of the ends [length]."""
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     @property
     def direction(self) -> Floats:
+        """Unit vector (2,) from start to end."""
         return (np.asarray(self.end) - np.asarray(self.start)) / self.length
 
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:

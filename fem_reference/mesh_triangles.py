@@ -79,6 +79,7 @@ class SizeField:
 
     @property
     def is_uniform(self) -> bool:
+        """One size everywhere."""
         return self.coarse <= self.h or not np.isfinite([self.lower, self.upper]).any()
 
 

@@ -70,7 +70,10 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
             continue
         places, offset = select(case.boundaries[constraint.on])
         if len(places) == 0:
-            raise GridError(f"boundaries.{constraint.on}: no grid node or material point lies on it")
+            raise GridError(
+                f"{case.source}: boundaries.{constraint.on}: no grid node or material point lies on it;"
+                " move it onto a body"
+            )
         directions = (0, 1) if constraint.motion else (DIRECTIONS[constraint.direction],)
         motions += [
             Motion(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
@@ -27,12 +29,12 @@ class Slit:
     its extent along the other direction; an end on the body's boundary is moved to infinity.
     """
 
-    def __init__(self, start: NDArray, end: NDArray, lower: NDArray, upper: NDArray) -> None:
+    def __init__(self, source: Path, start: NDArray, end: NDArray, lower: NDArray, upper: NDArray) -> None:
         across = np.isclose(start, end)
         if not across.any():
             raise GridError(
-                f"notches: the slit from {start.tolist()} to {end.tolist()} is inclined, but the grid can open only along"
-                ' its lines; make it axis-parallel, or use kind = "history"'
+                f"{source}: notches: the slit from {start.tolist()} to {end.tolist()} is inclined, but the grid"
+                ' can open only along its lines; make it axis-parallel, or use kind = "history"'
             )
         self.normal = int(np.flatnonzero(across)[0])
         along = 1 - self.normal
@@ -62,9 +64,9 @@ class Grid:
     def __init__(self, case: Case) -> None:
         lower, upper = case.bounding_box()
         self.order = case.mpm.order
-        self._box = (lower, upper)
+        self._box, self._source = (lower, upper), case.source
         self.slits = [
-            Slit(np.array(n.start, float), np.array(n.end, float), lower, upper)
+            Slit(case.source, np.array(n.start, float), np.array(n.end, float), lower, upper)
             for n in case.notches
             if n.kind == "slit"
         ]
@@ -84,8 +86,8 @@ class Grid:
         )
         if self.order > 1 and not on_edges:
             raise GridError(
-                "mpm.constraints_on: nodes of B-splines of order 2 or 3 lie on the body's edges only where the grid ends"
-                ' there; set mpm.margin = 0, or constraints_on = "points"'
+                f"{self._source}: mpm.constraints_on: nodes of B-splines of order 2 or 3 lie on the body's edges"
+                ' only where the grid ends there; set mpm.margin = 0, or constraints_on = "points"'
             )
 
     @property

@@ -49,6 +49,7 @@ class Pardiso:
             self._solver.free_memory(everything=True)
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
         matrix = self._pattern.upper(values)
         try:
             self._factorise(matrix)
@@ -83,6 +84,7 @@ class SuperLU:
         self._pattern, self._costs = pattern, costs
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
         with self._costs.timed("factorisation"):
             try:
                 factor = sparse_linalg.splu(
@@ -109,6 +111,7 @@ class ConjugateGradients:
         self._mirror = pattern.mirror()
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
         indptr, indices, sources = self._mirror
         diagonal = values[self._pattern.diagonal]
         smallest = self._tolerance * float(np.linalg.norm(diagonal))
@@ -168,6 +171,7 @@ class Gmres:
         self._pattern, self._costs, self._tolerance = pattern, costs, tolerance
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
         size = self._pattern.size
         with self._costs.timed("solve"):
             solution, failed = sparse_linalg.gmres(

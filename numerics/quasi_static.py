@@ -79,6 +79,7 @@ class _LoadPath:
         self.adaptive = case.load.adaptive and case.staggered.scheme == "converged"
 
     def follow(self) -> Iterator[Increment]:
+        """The unloaded state, then each accepted increment."""
         yield self._first_state()
         for target in self.case.load.path[1:]:
             while self.load != target:
