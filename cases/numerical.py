@@ -181,7 +181,7 @@ class Staggered(Table):
     scheme : iterate until converged, or a fixed number of `passes` per increment (the thesis's N_staggs)
     tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall
     residual_tolerance : on the relative residual of equilibrium
-    over_relaxation : of the phase field between iterations; 1 for none
+    memory : past iterations that the acceleration uses; 0 for over-relaxation alone
     irreversible : drive the phase field by the largest tensile energy ever met (Eq. 2.59), not by the present one
     """
 
@@ -189,7 +189,7 @@ class Staggered(Table):
     passes: Annotated[Whole, Field(ge=1)] = 1
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
-    over_relaxation: Annotated[Number, Field(ge=1, lt=2)] = 1.7
+    memory: Annotated[Whole, Field(ge=0, le=20)] = 5
     largest_iterations: Annotated[Whole, Field(ge=1)] = 2000
     irreversible: Switch = True
 

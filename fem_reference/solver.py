@@ -96,7 +96,7 @@ class FiniteElements:
         self._c, self._slope_squared = np.ones((n_elements, n_gauss)), np.zeros((n_elements, n_gauss))
         self._force_scale = self._applied = 0.0
         self.history_field = self._initial_history()
-        self._committed = (self.displacement.copy(), self.nodal_phase_field.copy())
+        self._committed = (self.displacement.copy(), self.nodal_phase_field)
         self.costs.count.update(
             unknowns_displacement=self.constraints.size,
             unknowns_phase_field=self.constraints.phase_size if self._breaks else 0,
@@ -149,16 +149,13 @@ class FiniteElements:
             residual = gather_vector(equations[self.elements], self._out_of_balance, constraints.phase_size)
             values = self._phase_pattern.gather(self._phase_local)
             free = equations >= 0
-            self._last_phase_field = self.nodal_phase_field.copy()
-            self.nodal_phase_field[free] += self._phase_solver.solve(values, residual)[equations[free]]
-            self._map_phase_field()
-        return self.phase_field.copy()
+            nodal = self.nodal_phase_field.copy()
+            nodal[free] += self._phase_solver.solve(values, residual)[equations[free]]
+            return self.set_phase_field(nodal)
 
-    def over_relax_phase_field(self, factor: float) -> NDArray:
-        """Phase field at the Gauss points, carried beyond the last solution but not below zero."""
-        solution = self.nodal_phase_field
-        ahead = self._last_phase_field + factor * (solution - self._last_phase_field)
-        self.nodal_phase_field = np.maximum(ahead, np.minimum(solution, 0.0))
+    def set_phase_field(self, nodal: NDArray) -> NDArray:
+        """Phase field at the Gauss points for a nodal one (n_nodes,)."""
+        self.nodal_phase_field = nodal
         self._map_phase_field()
         return self.phase_field.copy()
 
@@ -214,11 +211,11 @@ class FiniteElements:
         """Make the trial state the state."""
         self._force_scale = max(self._force_scale, self._applied)
         self.history_field = history_field
-        self._committed = (self.displacement.copy(), self.nodal_phase_field.copy())
+        self._committed = (self.displacement.copy(), self.nodal_phase_field)
 
     def undo(self) -> None:
         """Back to the last committed state."""
-        self.displacement[:], self.nodal_phase_field[:] = self._committed
+        self.displacement[:], self.nodal_phase_field = self._committed
         self._map_phase_field()
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         self._evaluate_forces()

@@ -68,7 +68,7 @@ class MaterialPoints:
         )
         self._tip_points = self.grid.points_at_tips(self.cloud.positions)
         self._sides = [slit.sides(self.cloud.positions) for slit in self.grid.slits]
-        self._phase_nodes = np.where(self._phase_fixed, self._phase_value, 1.0)
+        self.nodal_phase_field = np.where(self._phase_fixed, self._phase_value, 1.0)
         self._c, self._slope_squared = np.ones(n_points), np.zeros(n_points)
         self._gradient, self._stress = np.zeros((n_points, 4)), np.zeros((n_points, 3))
         self._psi = np.zeros((n_points, 2))
@@ -283,29 +283,26 @@ class MaterialPoints:
             kernels.phase_field_systems(
                 active.nodes, active.starts, active.members, self._value, self._slope, self._volume,
                 coefficients.reaction(history_field), coefficients.resistance, coefficients.diffusion,
-                self._phase_nodes, self._phase_local, self._phase_rest,
+                self.nodal_phase_field, self._phase_local, self._phase_rest,
             )  # fmt: skip
             equations = self._phase_equations
             rest = gather_vector(equations[active.nodes], self._phase_rest, self._phase_pattern.size)
             # cells of the pattern that hold no points leave empty rows
             values = lift_empty_diagonal(self._phase_pattern, self._phase_pattern.gather(self._phase_local))
             free = equations >= 0
-            self._last_phase_nodes = self._phase_nodes.copy()
-            self._phase_nodes[free] += self._phase_solver.solve(values, rest)[equations[free]]
-            self._map_phase_field()
-        return self._c.copy()
+            nodal = self.nodal_phase_field.copy()
+            nodal[free] += self._phase_solver.solve(values, rest)[equations[free]]
+            return self.set_phase_field(nodal)
 
-    def over_relax_phase_field(self, factor: float) -> NDArray:
-        """Phase field at the points, carried beyond the last solution but not below zero."""
-        solution = self._phase_nodes
-        ahead = self._last_phase_nodes + factor * (solution - self._last_phase_nodes)
-        self._phase_nodes = np.maximum(ahead, np.minimum(solution, 0.0))
+    def set_phase_field(self, nodal: NDArray) -> NDArray:
+        """Phase field at the points for one at the grid's nodes (n_nodes,)."""
+        self.nodal_phase_field = nodal
         self._map_phase_field()
         return self._c.copy()
 
     def _map_phase_field(self) -> None:
         kernels.scalar_at_points(
-            self._active.nodes, self._active.cell, self._value, self._slope, self._phase_nodes,
+            self._active.nodes, self._active.cell, self._value, self._slope, self.nodal_phase_field,
             self._c, self._slope_squared,
         )  # fmt: skip
 
@@ -386,14 +383,14 @@ class MaterialPoints:
         state.displacement, state.gradient = displacement, self._gradient.copy()
         state.phase_field, state.history_field = self._c.copy(), history_field
         state.load, state.tied = self._load, self._tied
-        self._committed_phase_nodes = self._phase_nodes.copy()
+        self._committed_phase_field = self.nodal_phase_field
         self._increment[:] = 0.0
 
     def undo(self) -> None:
         """Back to the last committed state."""
         self._increment[:] = 0.0
         self._tied = self.state.tied.copy()
-        self._phase_nodes = self._committed_phase_nodes.copy()
+        self.nodal_phase_field = self._committed_phase_field
         self._map_phase_field()
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         self._evaluate_stresses()
@@ -427,7 +424,7 @@ class MaterialPoints:
     def fields(self) -> Fields:
         """Points as they stand and the occupied cells of the grid."""
         state = self.state
-        corners, cells, phase_field = self._active.corner_values(self._phase_nodes)
+        corners, cells, phase_field = self._active.corner_values(self.nodal_phase_field)
         return Fields(
             points=state.positions.copy(),
             reference=self.cloud.positions,

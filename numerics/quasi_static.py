@@ -19,9 +19,9 @@ QUIET_SHARE = 0.25
 GROWTH = 1.5
 #: shortening of an increment that was undone
 SHRINKING = 0.25
-#: while nothing is broken, an increment that takes so many staggered iterations tells that a limit load is near, and
-#: halves the next one
-MANY_ITERATIONS = 12
+#: while nothing is broken, the phase field falls ever faster towards a limit load: an increment in which it fell by
+#: more than this halves the next one
+LARGEST_FALL = 0.05
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
 
@@ -148,11 +148,12 @@ class _LoadPath:
         quiet = self._advance_energy() < QUIET_SHARE * self.energy_limit
         self.done += abs(load - self.load)
         broken = self._broken(self.discretisation.reaction_force())
+        before = self.last.c_min if self.last else 1.0
         accepted = self._accept(load, outcome, "broken_through" if broken else self._status())
-        near_limit = outcome.iterations >= MANY_ITERATIONS and accepted.c_min > BROKEN_PHASE_FIELD
-        if self.adaptive and near_limit:
+        fall = before - accepted.c_min if accepted.c_min > BROKEN_PHASE_FIELD else 0.0
+        if self.adaptive and fall > LARGEST_FALL:
             self.increment = max(0.5 * self.increment, self.case.load.smallest)
-        elif self.adaptive and quiet:
+        elif self.adaptive and quiet and GROWTH * fall <= LARGEST_FALL:
             self.increment = min(GROWTH * self.increment, self.case.load.increment)
         return accepted
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cases import Case
 from physics.phase_field import update_history
 
+from .acceleration import Acceleration
 from .costs import Costs
 from .fields import Fields
 
@@ -27,6 +28,8 @@ class Discretisation(Protocol):
     history_field: NDArray
     #: (n_points,) phase field of the trial state
     phase_field: NDArray
+    #: (n_nodes,) its unknowns
+    nodal_phase_field: NDArray
 
     def begin_step(self) -> None:
         """Prepare the basis for the current positions (the FEM does nothing)."""
@@ -34,8 +37,8 @@ class Discretisation(Protocol):
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field (n_points,) for a history field (n_points,)."""
 
-    def over_relax_phase_field(self, factor: float) -> NDArray:
-        """Phase field (n_points,) carried beyond the last solution, by factor - 1 times its last change."""
+    def set_phase_field(self, nodal: NDArray) -> NDArray:
+        """Phase field (n_points,) for given unknowns (n_nodes,)."""
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, for the trial phase field."""
@@ -114,11 +117,13 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
     # points that have moved see last step's nodes elsewhere: map the phase field anew
     phase_field = discretisation.solve_phase_field(committed)
     history_field, change, before = committed, 0.0, 0.0
+    acceleration = Acceleration(settings.memory)
     for iteration in range(1, settings.largest_iterations + 1):
         # equilibrium only as exact as the phase field has come to rest
         tolerance = max(settings.residual_tolerance, EQUILIBRIUM_SHARE * change)
         tensile_energy = discretisation.solve_displacement(load, tolerance)
         history_field = _history(case, committed, tensile_energy)
+        start = discretisation.nodal_phase_field
         previous, phase_field = phase_field, discretisation.solve_phase_field(history_field)
         before, change = change, float(np.abs(phase_field - previous).max())
         if _remaining(change, before) <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
@@ -126,8 +131,10 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
         reason = give_up(iteration)
         if reason:
             return StepOutcome("interrupted", history_field, iteration, reason)
-        if settings.over_relaxation > 1.0:
-            phase_field = discretisation.over_relax_phase_field(settings.over_relaxation)
+        image = discretisation.nodal_phase_field
+        ahead = acceleration.next(start, image)
+        # it may leave the range that the equation itself would keep to
+        phase_field = discretisation.set_phase_field(np.clip(ahead, np.minimum(image, 0.0), np.maximum(image, 1.0)))
     return StepOutcome("stalled", history_field, settings.largest_iterations, f"{iteration} staggered iterations")
 
 
