@@ -11,7 +11,7 @@ from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.linear_solvers import lift_empty_diagonal, linear_solver
-from numerics.newton import newton
+from numerics.newton import TORN_STIFFNESS, load_ratio, newton
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
@@ -71,7 +71,7 @@ class FiniteElements:
     def _set_phase_equations(self) -> None:
         equations = self.constraints.phase_equations[self.elements]
         self._phase_pattern = SymmetricPattern(equations, self.constraints.phase_size)
-        self._phase_solver = linear_solver(self._phase_pattern, self.costs, "cg")
+        self._phase_solver = linear_solver(self._phase_pattern, self.costs)
         self._phase_local = kernels.packed(self.elements.shape[1], len(self.elements))
         self._out_of_balance = np.empty(self.elements.shape)
 
@@ -96,7 +96,8 @@ class FiniteElements:
         self._c, self._slope_squared = np.ones((n_elements, n_gauss)), np.zeros((n_elements, n_gauss))
         self._force_scale = self._applied = 0.0
         self.history_field = self._initial_history()
-        self._committed = (self.displacement.copy(), self.nodal_phase_field)
+        self._load = self.case.load.path[0]
+        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load)
         self.costs.count.update(
             unknowns_displacement=self.constraints.size,
             unknowns_phase_field=self.constraints.phase_size if self._breaks else 0,
@@ -121,7 +122,7 @@ class FiniteElements:
     def warm_up(self) -> None:
         """Compile every kernel, so that the clock times the work alone."""
         self.solve_phase_field(self.history_field)
-        self._load, self._g = self.case.load.path[0], degradation(self._c, self._coefficients.residual_stiffness)
+        self._g = degradation(self._c, self._coefficients.residual_stiffness)
         unknowns = np.zeros(self.constraints.size)
         self.correction(unknowns, self.residual(unknowns)[0])
         self.costs.forget()
@@ -166,7 +167,9 @@ class FiniteElements:
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
-        self._load = load
+        if load != self._load:
+            self.displacement *= load_ratio(load, self._load)
+            self._load = load
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         prescribed = self.constraints.prescribed
         flat = self.displacement.reshape(-1)
@@ -202,8 +205,9 @@ class FiniteElements:
         """Newton step -K^-1 R with the consistent tangent (Eq. 3.59)."""
         with self.costs.timed("assembly"):
             kernels.tangents(
-                self.slope, self.volume, self._gradient, self._g, self._split, self._lam, self._mu, self._local
-            )
+                self.slope, self.volume, self._gradient, np.maximum(self._g, TORN_STIFFNESS),
+                self._split, self._lam, self._mu, self._local,
+            )  # fmt: skip
             values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
         return self._solver.solve(values, -residual)
 
@@ -211,11 +215,11 @@ class FiniteElements:
         """Make the trial state the state."""
         self._force_scale = max(self._force_scale, self._applied)
         self.history_field = history_field
-        self._committed = (self.displacement.copy(), self.nodal_phase_field)
+        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load)
 
     def undo(self) -> None:
         """Back to the last committed state."""
-        self.displacement[:], self.nodal_phase_field = self._committed
+        self.displacement[:], self.nodal_phase_field, self._load = self._committed
         self._map_phase_field()
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         self._evaluate_forces()

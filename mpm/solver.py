@@ -12,7 +12,7 @@ from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.linear_solvers import lift_empty_diagonal, linear_solver
-from numerics.newton import newton
+from numerics.newton import TORN_STIFFNESS, load_ratio, newton
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
@@ -75,6 +75,9 @@ class MaterialPoints:
         self._force_scale = self._applied = self._constraint_error = 0.0
         self._active: ActiveGrid  # from the first step on
         self._basis_is_current = False
+        self._load = self.state.load
+        #: displacement that the grid's nodes have given so far: roughly the material's there, for a first guess
+        self._so_far = np.zeros((self.grid.n_nodes, 2))
 
     # ---------------------------------------------------------------- set-up
 
@@ -122,7 +125,7 @@ class MaterialPoints:
         """Compile every kernel, so that the clock times the work alone."""
         self.begin_step()
         self.solve_phase_field(self.history_field)
-        self._load, self._g = self.case.load.path[0], degradation(self._c, self._coefficients.residual_stiffness)
+        self._g = degradation(self._c, self._coefficients.residual_stiffness)
         unknowns = np.zeros(self._size)
         self.correction(unknowns, self.residual(unknowns)[0])
         self.costs.forget()
@@ -258,7 +261,7 @@ class MaterialPoints:
         free = used & ~self._phase_fixed
         self._phase_equations = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
         self._phase_pattern = SymmetricPattern(self._phase_equations[active.nodes], int(free.sum()))
-        self._phase_solver = linear_solver(self._phase_pattern, self.costs, "cg")
+        self._phase_solver = linear_solver(self._phase_pattern, self.costs)
         k = active.nodes.shape[1]
         self._phase_local = np.empty((len(active.nodes), k * (k + 1) // 2))
         self._phase_rest = np.empty((len(active.nodes), k))
@@ -308,7 +311,11 @@ class MaterialPoints:
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
-        self._load = load
+        if load != self._load:
+            further = load_ratio(load, self._load) - 1.0
+            self._increment += further * self._so_far
+            self._tied = (1.0 + further) * self._tied
+            self._load = load
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         flat = self._increment.reshape(-1)
         for motion in self._node_motions:
@@ -360,8 +367,8 @@ class MaterialPoints:
         with self.costs.timed("assembly"):
             active = self._active
             kernels.tangents(
-                active.starts, active.members, self._slope, self._volume, self._gradient, self._g,
-                self._split, self._lam, self._mu, self._local,
+                active.starts, active.members, self._slope, self._volume,
+                self._gradient, np.maximum(self._g, TORN_STIFFNESS), self._split, self._lam, self._mu, self._local,
             )  # fmt: skip
             values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
             self._penalties.add_stiffness(self._pattern, values)
@@ -384,12 +391,13 @@ class MaterialPoints:
         state.phase_field, state.history_field = self._c.copy(), history_field
         state.load, state.tied = self._load, self._tied
         self._committed_phase_field = self.nodal_phase_field
+        self._so_far += self._increment
         self._increment[:] = 0.0
 
     def undo(self) -> None:
         """Back to the last committed state."""
         self._increment[:] = 0.0
-        self._tied = self.state.tied.copy()
+        self._tied, self._load = self.state.tied.copy(), self.state.load
         self.nodal_phase_field = self._committed_phase_field
         self._map_phase_field()
         self._g = degradation(self._c, self._coefficients.residual_stiffness)

@@ -16,8 +16,23 @@ LARGEST_CUTS = 5
 #: that is nothing to the body, without end
 PATIENCE = 6
 LOOSE_TOLERANCE = 1e-4
+#: stiffness of torn material in the tangent, as a share of the whole one's: a lower one flings it to and fro
+TORN_STIFFNESS = 1e-4
 #: a step is long enough when the slope of the energy along it has fallen to this share
 SLOPE_SHARE = 0.5
+
+
+#: largest ratio of loads by which a displacement is scaled to begin with
+LARGEST_SCALING = 2.0
+
+
+def load_ratio(load: float, before: float) -> float:
+    """Factor on the last displacement that a new load begins with: exact while the phase field rests.
+
+    All three splits are homogeneous of degree one. 1 where the load starts or changes its sign.
+    """
+    ratio = load / before if before else 1.0
+    return ratio if 0.0 < ratio <= LARGEST_SCALING else 1.0
 
 
 class Equilibrium(Protocol):

@@ -66,6 +66,8 @@ class Discretisation(Protocol):
 EQUILIBRIUM_SHARE = 1e-2
 #: ratio of successive changes near a limit load
 SLOW_RATIO = 0.99
+#: changes of the phase field below this are round-off
+NOISE = 1e-11
 
 
 class NewtonError(RuntimeError):
@@ -116,11 +118,11 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
     committed = discretisation.history_field
     # points that have moved see last step's nodes elsewhere: map the phase field anew
     phase_field = discretisation.solve_phase_field(committed)
-    history_field, change, before = committed, 0.0, 0.0
+    history_field, change, before = committed, np.inf, np.inf
     acceleration = Acceleration(settings.memory)
     for iteration in range(1, settings.largest_iterations + 1):
         # equilibrium only as exact as the phase field has come to rest
-        tolerance = max(settings.residual_tolerance, EQUILIBRIUM_SHARE * change)
+        tolerance = max(settings.residual_tolerance, EQUILIBRIUM_SHARE * min(change, 1.0))
         tensile_energy = discretisation.solve_displacement(load, tolerance)
         history_field = _history(case, committed, tensile_energy)
         start = discretisation.nodal_phase_field
@@ -144,8 +146,10 @@ def _remaining(change: float, before: float) -> float:
     Near a limit load the changes are small long before the phase field rests. A first change says nothing of the
     next ones: slow ones are assumed.
     """
-    ratio = change / before if before > 0.0 else SLOW_RATIO
-    return change * max(1.0, ratio / (1.0 - ratio)) if ratio < 1.0 else (np.inf if change > 0.0 else 0.0)
+    if change < NOISE:
+        return change
+    ratio = change / before if 0.0 < before < np.inf else SLOW_RATIO
+    return change * max(1.0, ratio / (1.0 - ratio)) if ratio < 1.0 else np.inf
 
 
 def _history(case: Case, committed: NDArray, tensile_energy: NDArray) -> NDArray:

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from numerics.acceleration import Acceleration
 from numerics.costs import Costs
 from numerics.linear_solvers import linear_solver
-from numerics.newton import newton
+from numerics.newton import load_ratio, newton
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
-from numerics.staggered import NewtonError
+from numerics.staggered import NewtonError, _remaining
 
 RANDOM = np.random.default_rng(5)
 
@@ -106,3 +107,51 @@ def test_newton_says_when_there_is_no_equilibrium():
 
     with pytest.raises(NewtonError, match="no equilibrium"):
         newton(Nowhere(1.0, 1.0), np.array([0.3]), 1e-9, Costs())
+
+
+def iterations_to_rest(memory, matrix, limit):
+    """Iterations that x -> limit + matrix (x - limit) takes from zero to within 1e-8 of its limit."""
+    acceleration, x = Acceleration(memory), np.zeros(len(limit))
+    for iteration in range(500):
+        image = limit + matrix @ (x - limit)
+        if np.abs(image - limit).max() < 1e-8:
+            return iteration
+        x = acceleration.next(x, image)
+    return 500
+
+
+def test_a_short_memory_finds_the_slow_directions():
+    turn = np.linalg.qr(RANDOM.random((8, 8)))[0]
+    matrix = turn @ np.diag([0.99, 0.95, 0.2, 0.1, 0.1, 0.0, 0.0, 0.0]) @ turn.T
+    limit = 0.02 * RANDOM.random(8)
+    assert iterations_to_rest(5, matrix, limit) <= 12
+    assert iterations_to_rest(0, matrix, limit) > 200
+
+
+def test_a_state_of_unstable_equilibrium_is_left():
+    acceleration, x = Acceleration(5), np.array([0.001])
+    for _ in range(20):
+        x = acceleration.next(x, 1.2 * x)
+    assert x[0] > 0.01
+
+
+def test_a_running_crack_is_over_relaxed_and_a_step_is_bounded():
+    acceleration = Acceleration(5)
+    assert acceleration.next(np.zeros(2), np.array([0.5, 0.0]))[0] == pytest.approx(1.7 * 0.5)
+    x, image = np.zeros(1), np.array([0.05])
+    x = acceleration.next(x, image)
+    ahead = acceleration.next(x, x + 0.0499)
+    assert ahead[0] - x[0] == pytest.approx(0.2)
+
+
+def test_load_ratio_scales_where_it_can():
+    assert load_ratio(2.0, before=1.0) == 2.0
+    for load, before in [(1.0, 0.0), (-1.0, 1.0), (9.0, 1.0)]:
+        assert load_ratio(load, before) == 1.0
+
+
+def test_remaining_distance_is_that_of_a_geometric_sequence_and_round_off_is_rest():
+    assert _remaining(0.01, 0.02) == pytest.approx(0.01)
+    assert _remaining(0.009, 0.01) == pytest.approx(0.009 * 9.0)
+    assert _remaining(0.01, 0.005) == np.inf
+    assert _remaining(1e-15, 1e-16) < 1e-11

@@ -249,10 +249,18 @@ def _outcomes(todo: list[_Job], jobs: int) -> Iterator[_Outcome]:
         yield from map(_do, todo)
         return
     # a fresh process for each run: the thread count of a used one is fixed, and its memory not its own
-    fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=fresh, max_tasks_per_child=1) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
         for future in as_completed([pool.submit(_do, job) for job in todo]):
             yield future.result()
+
+
+def _fresh_processes() -> multiprocessing.context.BaseContext:
+    """Where the platform can, copies of one process that has imported the solvers and computed nothing."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["verify.cli", "fem_reference", "mpm"])
+    return context
 
 
 def _do(job: _Job) -> _Outcome:
