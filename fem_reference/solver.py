@@ -71,7 +71,7 @@ class FiniteElements:
     def _set_phase_equations(self) -> None:
         equations = self.constraints.phase_equations[self.elements]
         self._phase_pattern = SymmetricPattern(equations, self.constraints.phase_size)
-        self._phase_solver = linear_solver(self._phase_pattern, self.costs)
+        self._phase_solver = linear_solver(self._phase_pattern, self.costs, "well_conditioned")
         self._phase_local = kernels.packed(self.elements.shape[1], len(self.elements))
         self._out_of_balance = np.empty(self.elements.shape)
 

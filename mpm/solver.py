@@ -261,7 +261,7 @@ class MaterialPoints:
         free = used & ~self._phase_fixed
         self._phase_equations = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
         self._phase_pattern = SymmetricPattern(self._phase_equations[active.nodes], int(free.sum()))
-        self._phase_solver = linear_solver(self._phase_pattern, self.costs)
+        self._phase_solver = linear_solver(self._phase_pattern, self.costs, "well_conditioned")
         k = active.nodes.shape[1]
         self._phase_local = np.empty((len(active.nodes), k * (k + 1) // 2))
         self._phase_rest = np.empty((len(active.nodes), k))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class Costs:
@@ -11,7 +13,9 @@ class Costs:
 
     def __init__(self) -> None:
         self.count: Counter[str] = Counter()
-        self.seconds: Counter[str] = Counter()
+        self.seconds: dict[str, float] = {}
+        self._parts: list[str] = []
+        self._since = 0.0
 
     def forget(self) -> None:
         """Forget the work so far, not the sizes."""
@@ -19,17 +23,19 @@ class Costs:
         for work in ("factorisations", "cg_iterations", "gmres_iterations", "newton"):
             self.count.pop(work, None)
 
-    def timed(self, part: str) -> _Timer:
-        """Context that adds its wall time to ``seconds[part]``."""
-        return _Timer(self.seconds, part)
+    @contextmanager
+    def timed(self, part: str) -> Iterator[None]:
+        """Add the wall time inside to ``seconds[part]``; of parts within parts, the innermost is charged."""
+        self._charge()
+        self._parts.append(part)
+        try:
+            yield
+        finally:
+            self._charge()
+            self._parts.pop()
 
-
-class _Timer:
-    def __init__(self, seconds: Counter[str], part: str) -> None:
-        self._seconds, self._part = seconds, part
-
-    def __enter__(self) -> None:
-        self._start = time.perf_counter()
-
-    def __exit__(self, *_exception: object) -> None:
-        self._seconds[self._part] += time.perf_counter() - self._start  # type: ignore[assignment]
+    def _charge(self) -> None:
+        now = time.perf_counter()
+        if self._parts:
+            self.seconds[self._parts[-1]] = self.seconds.get(self._parts[-1], 0.0) + now - self._since
+        self._since = now

@@ -1,5 +1,7 @@
 """Sparse patterns, linear solvers and Newton's method."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -55,7 +57,7 @@ def test_gathered_matrix_is_the_sum_of_its_cells(system):
     assert np.allclose(values[places], matrix[rows, columns])
 
 
-@pytest.mark.parametrize("name", ["direct", "superlu", "gmres", "cg"])
+@pytest.mark.parametrize("name", ["direct", "well_conditioned", "superlu", "gmres", "cg"])
 def test_linear_solvers_agree(system, name):
     pattern, values, matrix = system
     right_side = RANDOM.random(pattern.size)
@@ -155,3 +157,10 @@ def test_remaining_distance_is_that_of_a_geometric_sequence_and_round_off_is_res
     assert _remaining(0.009, 0.01) == pytest.approx(0.009 * 9.0)
     assert _remaining(0.01, 0.005) == np.inf
     assert _remaining(1e-15, 1e-16) < 1e-11
+
+
+def test_each_second_is_charged_to_one_part():
+    costs = Costs()
+    with costs.timed("phase_field"), costs.timed("factorisation"):
+        time.sleep(0.02)
+    assert costs.seconds["factorisation"] >= 0.02 > 0.01 > costs.seconds["phase_field"]
