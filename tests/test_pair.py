@@ -66,7 +66,7 @@ def test_moving_points_keep_to_the_fem(variant):
         curve, _ = march(MaterialPoints, variant("sen_tension", mpm=mpm, **changes))
         return np.abs(curve[1:, 1] / fem[1:, 1] - 1).max()
 
-    assert largest_error() < 0.012
+    assert largest_error() < 1e-3, "measured: 2.5e-4 while the top passes one cell"
     assert largest_error(fill_cells=False, strain="updated") > 0.02, "the cure has nothing to cure"
 
 
