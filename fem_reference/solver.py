@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import skfem
 from numpy.typing import NDArray
@@ -223,6 +225,23 @@ class FiniteElements:
         self._map_phase_field()
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         self._evaluate_forces()
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Arrays from which `restore` makes the last committed state again."""
+        displacement, nodal_phase_field, load = self._committed
+        return {
+            "displacement": displacement,
+            "nodal_phase_field": nodal_phase_field,
+            "history_field": self.history_field,
+            "load": np.array(load),
+            "force_scale": np.array(self._force_scale),
+        }
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to the state of a checkpoint of the same case."""
+        self.history_field, self._force_scale = saved["history_field"], float(saved["force_scale"])
+        self._committed = (saved["displacement"], saved["nodal_phase_field"], float(saved["load"]))
+        self.undo()
 
     # ---------------------------------------------------------------- what can be seen
 

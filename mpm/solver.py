@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -154,8 +155,7 @@ class MaterialPoints:
         positions = self.state.positions - shift
         cells = self.grid.locate(positions, self._sides)
         if not hasattr(self, "_active") or not self._active.holds(cells):
-            self._active = ActiveGrid(self.grid, cells)
-            self._set_equations(self._active)
+            self._use_cells(cells)
         self._active.sort_points(cells)
         self._active.shift = shift
         self._value_at_points, _ = self.grid.evaluate(positions, *cells)
@@ -168,6 +168,12 @@ class MaterialPoints:
         springs.find_in_grid(self._active.nodes[self._active.cell[held]], value, self._equations, self._size)
         self._external = self._body_forces()
         self.costs.count["active_cells"] = self._active.n_occupied
+
+    def _use_cells(self, cells: tuple[NDArray, NDArray]) -> None:
+        """Number the equations for points in these cells and around them."""
+        self._numbered_for = cells
+        self._active = ActiveGrid(self.grid, cells)
+        self._set_equations(self._active)
 
     def _grid_shift(self) -> NDArray:
         """Where the grid is put in this step, as a shift (2,): it goes with the material at the slits' tips.
@@ -402,6 +408,30 @@ class MaterialPoints:
         self._map_phase_field()
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         self._evaluate_stresses()
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Arrays from which `restore` makes the last committed state again."""
+        return {
+            **{name: np.array(value) for name, value in vars(self.state).items()},
+            "nodal_phase_field": self._committed_phase_field,
+            "so_far": self._so_far,
+            "held": self._penalties.displacement,
+            "force_scale": np.array(self._force_scale),
+            "constraint_error": np.array(self._constraint_error),
+            "numbered_for": np.array(self._numbered_for),
+        }
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to the state of a checkpoint of the same case."""
+        arrays = {name: saved[name].copy() for name in vars(self.state) if name != "load"}
+        self.state = PointState(**arrays, load=float(saved["load"]))
+        self._committed_phase_field, self._so_far = saved["nodal_phase_field"], saved["so_far"].copy()
+        self._penalties.displacement = saved["held"]
+        self._force_scale, self._constraint_error = float(saved["force_scale"]), float(saved["constraint_error"])
+        self._use_cells((saved["numbered_for"][0], saved["numbered_for"][1]))
+        self._basis_is_current = False
+        self.begin_step()
+        self.undo()
 
     # ---------------------------------------------------------------- what can be seen
 

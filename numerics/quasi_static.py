@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,8 @@ class Increment:
     """One accepted increment: the discretisation holds its state while the increment is being listened to.
 
     ``u`` is the load parameter, ``F`` the force conjugate to it; ``share`` is the part of the load path done.
+    ``leg``, ``next_size`` and ``peak`` are what the march needs to go on from here: the number of the path's target,
+    the size of the next increment and the largest force so far.
     """
 
     step: int
@@ -46,21 +48,32 @@ class Increment:
     status: str
     share: float
     reason: str = ""
+    leg: int = 0
+    next_size: float = 0.0
+    peak: float = 0.0
+
+    @property
+    def is_last(self) -> bool:
+        """Nothing comes after it, whatever is left of the path."""
+        return self.status in ("broken_through", "no_convergence")
 
 
-def increments(discretisation: Discretisation, case: Case) -> Iterator[Increment]:
+def increments(
+    discretisation: Discretisation, case: Case, after: Increment | None = None
+) -> Iterator[Increment]:
     """Follow the load path of the case; yields the unloaded state first, then each accepted increment.
 
     The last increment's status tells how it ended: "converged" or "fixed_passes" (path done), "broken_through",
-    or "no_convergence" (the state is the last good one, ``reason`` says why).
+    or "no_convergence" (the state is the last good one, ``reason`` says why). ``after`` goes on behind an increment
+    whose state the discretisation has been restored to.
     """
-    return _LoadPath(discretisation, case).follow()
+    return _LoadPath(discretisation, case, after).follow()
 
 
 class _LoadPath:
     """State of the march along the load path."""
 
-    def __init__(self, discretisation: Discretisation, case: Case) -> None:
+    def __init__(self, discretisation: Discretisation, case: Case, after: Increment | None) -> None:
         self.discretisation, self.case = discretisation, case
         self.load = case.load.path[0]
         self.increment = case.load.increment
@@ -77,16 +90,30 @@ class _LoadPath:
         #: fracture energy of the largest advance allowed in one increment
         self.energy_limit = case.load.largest_advance * case.plane.thickness * min(advances, default=np.inf)
         self.adaptive = case.load.adaptive and case.staggered.scheme == "converged"
+        self.leg = 0
+        if after is not None:
+            self._go_on(after)
+
+    def _go_on(self, after: Increment) -> None:
+        self.last, self.load, self.increment, self.leg = after, after.u, after.next_size, after.leg
+        self.done, self.step = after.share * self.length, after.step + 1
+        self.work, self.peak = after.external_work, after.peak
+        self.started -= after.seconds
+        self.newton_before = self.discretisation.costs.count["newton"]
 
     def follow(self) -> Iterator[Increment]:
         """The unloaded state, then each accepted increment."""
-        yield self._first_state()
-        for target in self.case.load.path[1:]:
-            while self.load != target:
-                increment = self._advance(target)
-                yield increment
-                if increment.status in ("broken_through", "no_convergence"):
-                    return
+        if self.last is None:
+            yield self._first_state()
+        targets = self.case.load.path[1:]
+        while self.leg < len(targets):
+            if self.load == targets[self.leg]:
+                self.leg += 1
+                continue
+            assert self.last is not None
+            if self.last.is_last:
+                return
+            yield self._advance(targets[self.leg])
 
     def _first_state(self) -> Increment:
         outcome = staggered_step(self.discretisation, self.case, self.load)
@@ -155,7 +182,8 @@ class _LoadPath:
             self.increment = max(0.5 * self.increment, self.case.load.smallest)
         elif self.adaptive and quiet and GROWTH * fall <= LARGEST_FALL:
             self.increment = min(GROWTH * self.increment, self.case.load.increment)
-        return accepted
+        self.last = replace(accepted, next_size=self.increment)
+        return self.last
 
     def _accept(self, load: float, outcome: StepOutcome, status: str) -> Increment:
         discretisation = self.discretisation
@@ -179,7 +207,9 @@ class _LoadPath:
             seconds=time.perf_counter() - self.started,
             status=status,
             share=min(1.0, self.done / self.length),
-            reason="",
+            leg=self.leg,
+            next_size=self.increment,
+            peak=self.peak,
         )
         self.load, self.newton_before = load, newton
         self.step += 1
@@ -190,4 +220,5 @@ class _LoadPath:
     def _report_failure(self, problem: str) -> Increment:
         assert self.last is not None
         reason = f"{problem}; the smallest increment {self.case.load.smallest:g} after u = {self.load:g} failed"
-        return Increment(**{**self.last.__dict__, "status": "no_convergence", "reason": reason})
+        self.last = replace(self.last, status="no_convergence", reason=reason)
+        return self.last

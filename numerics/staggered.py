@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -60,6 +60,12 @@ class Discretisation(Protocol):
 
     def measures(self) -> dict[str, float]:
         """Scalars that only the solver can tell, such as the constraint error."""
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Arrays from which `restore` makes the last committed state again."""
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to the state of a checkpoint of the same case."""
 
 
 #: relative residual of equilibrium allowed while the phase field still changes by one

@@ -1,6 +1,6 @@
 """An analytic stand-in for the solvers: a square that softens after a peak, in milliseconds."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -100,10 +100,20 @@ class FakeSolver:
     def measures(self) -> dict[str, float]:
         return {"constraint_error": 1e-9}
 
+    def checkpoint(self) -> dict[str, np.ndarray]:
+        return {"u": np.array(self.u)}
 
-def fake_increments(solver: FakeSolver, case: Case) -> Iterator[Increment]:
+    def restore(self, saved: Mapping[str, np.ndarray]) -> None:
+        self.u = float(saved["u"])
+
+
+def fake_increments(solver: FakeSolver, case: Case, after: Increment | None = None) -> Iterator[Increment]:
     """Constant increments along the load path."""
+    first = after.step + 1 if after else 0
+    assert after is None or solver.u == after.u, "the solver was not restored"
     for step, u in enumerate(np.linspace(case.load.path[0], case.load.path[-1], 11)):
+        if step < first:
+            continue
         solver.u = float(u)
         yield Increment(
             step=step, u=float(u), F=solver.force(u), elastic_energy=0.0, fracture_energy=0.0,
@@ -115,8 +125,8 @@ def fake_increments(solver: FakeSolver, case: Case) -> Iterator[Increment]:
 def stopping_at(step: int, error: BaseException | None = None) -> Any:
     """Increments that end after ``step``: raising ``error``, or reporting no convergence without one."""
 
-    def increments(solver: FakeSolver, case: Case) -> Iterator[Increment]:
-        for increment in fake_increments(solver, case):
+    def increments(solver: FakeSolver, case: Case, after: Increment | None = None) -> Iterator[Increment]:
+        for increment in fake_increments(solver, case, after):
             yield increment
             if increment.step == step:
                 break

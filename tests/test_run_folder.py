@@ -39,8 +39,8 @@ def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) 
         np.testing.assert_allclose(getattr(fields, name), getattr(expected, name), atol=1e-15, err_msg=name)
     assert done.points().point_data["hydrostatic_stress"] == pytest.approx(2.0)
     assert done.points().celltypes.tolist() == [1] * 4
-    assert set(done.checkpoint) >= {"u", "step", "phase_field"}
-    assert done.checkpoint["u"] == 0.01
+    assert done.checkpoint.increment == seen[-1]
+    assert done.checkpoint.state["u"] == 0.01
 
 
 def test_fields_are_written_where_asked_and_at_the_end(case_file: Path, tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_no_convergence_keeps_the_last_good_state(
     assert (done.info["status"], done.good) == ("no_convergence", False)
     assert done.info["reason"] == "the smallest increment failed"
     assert done.history["step"].tolist() == [0, 1, 2, 3, 4]
-    assert done.checkpoint["step"] == 4
+    assert done.checkpoint.increment.step == 4
     assert [snapshot.step for snapshot in done.snapshots()] == [4]
 
 
@@ -270,3 +270,83 @@ def test_a_second_writer_is_refused_while_the_first_lives(tmp_path: Path) -> Non
     (partial / "writer.json").write_text(json.dumps({"process": parent.pid, "started": 0.0}))
     with RunWriter(tmp_path / "fem"):
         assert not (tmp_path / "fem").exists()
+
+
+def _stop_at(step: int):
+    """A listener that presses Ctrl-C."""
+
+    def listener(increment) -> None:
+        if increment.step == step:
+            raise KeyboardInterrupt
+
+    return listener
+
+
+@pytest.fixture
+def save_always(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(RunWriter, "checkpoint_interval", -1.0)
+
+
+@pytest.mark.usefixtures("save_always")
+def test_a_stopped_run_goes_on_from_its_checkpoint(case_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(InterruptedRunError, match="--resume"):
+        run(case_file, "fem", "quick", tmp_path, _stop_at(5))
+    partial = partial_folder(run_path(tmp_path, "square", "quick", "fem"))
+    # as if the kill had come after more increments than the checkpoint knows
+    with (partial / "history.csv").open("a") as history:
+        history.write("6,0.6,0.006,1,1,1,0,1,1,1,1,1\n7,0.7")
+    seen: list = []
+    done = run(case_file, "fem", "quick", tmp_path, seen.append, resume=True)
+    assert [increment.step for increment in seen] == [6, 7, 8, 9, 10]
+    assert done.info["resumed_after_step"] == 5
+    whole = run(case_file, "fem", "quick", tmp_path / "whole")
+    assert whole.info["resumed_after_step"] is None
+    assert done.history.equals(whole.history)
+    assert done.index.equals(whole.index)
+
+
+@pytest.mark.usefixtures("save_always")
+def test_a_checkpoint_of_another_case_or_a_damaged_one_is_not_taken_up(case_file: Path, tmp_path: Path) -> None:
+    def stopped_then_resumed() -> object:
+        seen: list = []
+        done = run(case_file, "fem", "quick", tmp_path, seen.append, resume=True, force=True)
+        assert seen[0].step == 0
+        return done.info["resumed_after_step"]
+
+    for spoil in (
+        lambda checkpoint: case_file.write_text(case_file.read_text().replace("210.0", "211.0")),
+        lambda checkpoint: _cut(checkpoint),
+        lambda checkpoint: checkpoint.unlink(),
+    ):
+        with pytest.raises(InterruptedRunError):
+            run(case_file, "fem", "quick", tmp_path, _stop_at(5), force=True)
+        spoil(partial_folder(run_path(tmp_path, "square", "quick", "fem")) / "checkpoint.npz")
+        assert stopped_then_resumed() is None
+
+
+@pytest.mark.usefixtures("save_always")
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_resumed_solution_is_that_of_an_uninterrupted_run(
+    monkeypatch: pytest.MonkeyPatch, variant, tmp_path: Path, solver: str
+) -> None:
+    """Broken through on the way, with increments that were undone, and points that move."""
+    case = variant(
+        "sen_tension", solver,
+        mesh={"h": 0.02, "coarse": 0.1, "fine": {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}},
+        load={"path": [0.0, 0.0075, 0.007, 0.02], "increment": 1e-3, "smallest": 2.5e-4},
+        materials={"steel": {"fracture": {"length_scale": 0.03}}},
+    )  # fmt: skip
+    whole = run(case, solver, "standard", tmp_path / "whole")
+    steps = len(whole.history)
+    assert whole.info["status"] == "broken_through"
+    for step in (3, steps - 2):
+        with pytest.raises(InterruptedRunError):
+            run(case, solver, "standard", tmp_path, _stop_at(step), resume=True)
+    done = run(case, solver, "standard", tmp_path, resume=True)
+    assert done.info["resumed_after_step"] == steps - 2
+    apart = (done.history - whole.history).drop(columns="seconds").abs().max()
+    assert (apart <= 1e-9 * whole.history.abs().max().drop("seconds")).all()
+    work = ("increments", "staggered_iterations", "newton", "factorisations")
+    assert {name: done.info["counters"][name] for name in work} == {
+        name: whole.info["counters"][name] for name in work
+    }

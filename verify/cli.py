@@ -185,11 +185,12 @@ class _Job:
 
     source: Path
     name: str
-    tier: str
     run: str
+    tier: str
     out: Path
     threads: int
     force: bool
+    resume: bool
 
     @property
     def title(self) -> str:
@@ -210,6 +211,9 @@ def run_command(
     out: OutOption = DEFAULT_OUT,
     run_names: RunOption = None,
     force: Annotated[bool, typer.Option("--force", help="run even what is up to date")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on with runs that were stopped, from their last checkpoint")
+    ] = False,
     threads: Annotated[
         int, typer.Option("--threads", min=1, help="threads of all jobs together")
     ] = DEFAULT_THREADS,
@@ -217,9 +221,13 @@ def run_command(
 ) -> None:
     """Compute the runs of a case, or of all cases, that are not up to date. Judges nothing.
 
-    Examples: `verify run sen_tension` · `verify run sen_shear --run mpm --tier quick` · `verify run --jobs 2`
+    Examples: `verify run sen_tension` · `verify run sen_shear --run mpm --tier quick` · `verify run --jobs 2` ·
+    `verify run l_panel --tier paper --resume`
     """
-    todo = _jobs(case, tier, out, run_names, force, max(1, threads // jobs))
+    todo = [
+        _Job(*named, tier=tier, out=out, threads=max(1, threads // jobs), force=force, resume=resume)
+        for named in _named_runs(case, tier, run_names)
+    ]
     for job in todo:
         case_for_run(job.source, job.run, job.tier)  # a mistake in the last case is told before the first run
     console, failed = _console(), False
@@ -230,15 +238,13 @@ def run_command(
         raise typer.Exit(RUN_FAILED)
 
 
-def _jobs(
-    case: str | None, tier: str, out: Path, run_names: list[str] | None, force: bool, threads: int
-) -> list[_Job]:
-    """The runs asked for. Over the whole library, a case that has not the named run is passed over."""
+def _named_runs(case: str | None, tier: str, run_names: list[str] | None) -> list[tuple[Path, str, str]]:
+    """Source, case and run of what is asked for. Over the whole library, a case without the named run is passed over."""
     todo = []
     for loaded in _selected(case, tier):
         for name in _selected_runs(loaded, run_names):
             if case or name in loaded.expanded_runs():
-                todo.append(_Job(loaded.source, loaded.name, tier, name, out, threads, force))
+                todo.append((loaded.source, loaded.name, name))
     if not todo:
         raise typer.BadParameter(f"no case has a run called {', '.join(run_names or [])}", param_hint="--run")
     return todo
@@ -270,8 +276,9 @@ def _do(job: _Job) -> _Outcome:
     try:
         with _progress(job, finished) as listener:
             done = finished or run(
-                job.source, job.run, job.tier, job.out, listener, threads=job.threads, force=job.force
-            )
+                job.source, job.run, job.tier, job.out, listener,
+                threads=job.threads, force=job.force, resume=job.resume,
+            )  # fmt: skip
     except WriteError as error:
         return _Outcome(job.title, str(error), True)
     return _outcome(job, done, finished is not None)
@@ -289,6 +296,8 @@ def _progress(job: _Job, finished: RunFolder | None) -> Iterator[Any]:
 def _outcome(job: _Job, done: RunFolder, was_up_to_date: bool) -> _Outcome:
     info = done.info
     state = "up to date" if was_up_to_date else f"{info['seconds'].get('total', 0.0):.1f} s"
+    if not was_up_to_date and info.get("resumed_after_step") is not None:
+        state += f", resumed after step {info['resumed_after_step']}"
     line = f"{info['status'].replace('_', ' ')} ({state}), {done.folder}"
     if done.good:
         return _Outcome(job.title, line, False)

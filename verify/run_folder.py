@@ -7,7 +7,7 @@ Layout of ``<out>/runs/<case>/<tier>/<run>/``::
     crack_path.csv   polyline x, y in reference coordinates (header only when nothing broke)
     fields/          index.csv, points_0000.vtu (vertex cells), grid_0000.vtu
     points.pvd, grid.pvd
-    checkpoint.npz   the last good state
+    checkpoint.npz   the last good state, from which a run that was stopped goes on
 
 While a run goes on its folder is called ``<run>.partial``.
 """
@@ -19,8 +19,8 @@ import re
 import shutil
 import time
 import zipfile
-from collections.abc import Iterator, Sequence
-from dataclasses import fields as dataclass_fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TextIO
@@ -81,6 +81,45 @@ class Discretisation(Protocol):
 
     def measures(self) -> dict[str, float]: ...
 
+    def checkpoint(self) -> dict[str, np.ndarray]: ...
+
+    def restore(self, saved: Mapping[str, np.ndarray]) -> None: ...
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """The last good state of a run, as it is kept in ``checkpoint.npz``.
+
+    ``made_by`` identifies case and code; ``pending`` are the snapshots still to be written.
+    """
+
+    made_by: str
+    increment: "Increment"
+    pending: list[float]
+    count: dict[str, int]
+    seconds: dict[str, float]
+    state: dict[str, np.ndarray]
+
+    def write(self, path: Path) -> None:
+        """Into one file of arrays and a line of JSON."""
+        told = {"made_by": self.made_by, "increment": asdict(self.increment), "pending": self.pending}
+        told |= {"count": self.count, "seconds": self.seconds}
+        np.savez(path, told=np.array(json.dumps(told)), **self.state)  # type: ignore[arg-type]
+
+    @classmethod
+    def read(cls, path: Path) -> "Checkpoint":
+        """Raises OSError, ValueError, KeyError, TypeError or BadZipFile where there is no whole checkpoint."""
+        from numerics.quasi_static import Increment
+
+        with np.load(path, allow_pickle=False) as arrays:
+            state = dict(arrays)
+        told = json.loads(str(state.pop("told")))
+        return cls(state=state, **(told | {"increment": Increment(**told["increment"])}))
+
+
+#: what `Checkpoint.read` may meet in a file that is missing, cut or foreign
+BROKEN_CHECKPOINT = (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile)
+
 
 def run_path(out: Path, case: str, tier: str, run: str) -> Path:
     """Folder of a finished run under the output folder ``out``."""
@@ -103,21 +142,24 @@ class RunWriter:
     ----------
     folder : final place of the run; everything goes to ``<folder>.partial`` until `finish`.
     snapshots : displacements at which fields are written, besides the last state.
+    made_by : what identifies case and code, so that a checkpoint of others is not taken up.
+    after : checkpoint behind which an unfinished run goes on.
 
     Raises
     ------
     WriteError : disk full, no permission, or another process writes the same run.
     """
 
-    checkpoint_interval = (
-        60.0  # seconds between two savings of the state: a quarter of a million points take 0.1 s
-    )
+    checkpoint_interval = 20.0  # seconds between two savings of the state: a quarter of a million points take 0.1 s
 
-    def __init__(self, folder: Path, snapshots: Sequence[float] = ()) -> None:
+    def __init__(
+        self, folder: Path, snapshots: Sequence[float] = (), made_by: str = "", after: Checkpoint | None = None
+    ) -> None:
         self.folder = folder
         self.partial = partial_folder(folder)
-        self._pending = list(snapshots)
-        self._last: tuple[int, float] | None = None  # step and u of the last increment
+        self._made_by, self._after = made_by, after
+        self._pending = list(after.pending if after else snapshots)
+        self._last = after.increment if after else None
         self._rows = 0
         self._index: list[tuple[int, int, float, str, str]] = []
         self._saved_at = time.monotonic()
@@ -126,6 +168,11 @@ class RunWriter:
     def __enter__(self) -> "RunWriter":
         self._refuse_a_second_writer()
         with writing(self.partial):
+            if self._after is not None:
+                write_text(self.partial / "writer.json", json.dumps(_this_process()))
+                self._drop_what_came_after(self._after.increment.step)
+                self._history = (self.partial / "history.csv").open("a", encoding="utf-8", newline="")
+                return self
             if self.partial.exists():
                 shutil.rmtree(self.partial)
             (self.partial / "fields").mkdir(parents=True)
@@ -133,6 +180,16 @@ class RunWriter:
             self._history = (self.partial / "history.csv").open("w", encoding="utf-8", newline="")
             self._write_row(HISTORY_COLUMNS)
         return self
+
+    def _drop_what_came_after(self, step: int) -> None:
+        """Increments and snapshots younger than the checkpoint will be computed again."""
+        lines = (self.partial / "history.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        write_text(self.partial / "history.csv", "".join(lines[: step + 2]))
+        self._rows = step + 1
+        if (self.partial / "fields" / "index.csv").exists():
+            index = pd.read_csv(self.partial / "fields" / "index.csv")
+            self._index = list(index[index["step"] <= step].itertuples(index=False, name=None))
+            self._write_indices()
 
     def __exit__(self, *_: object) -> None:
         self._history.close()
@@ -157,15 +214,15 @@ class RunWriter:
 
     def increment(self, increment: "Increment", discretisation: Discretisation) -> None:
         """Append a good increment to the history; write fields and the checkpoint when they are due."""
-        before = self._last[1] if self._last else increment.u
+        before = self._last.u if self._last else increment.u
         with writing(self.partial / "history.csv"):
             self._write_row(_history_row(increment))
-        self._last = (increment.step, increment.u)
+        self._last = increment
         self._rows += 1
         if self._snapshot_due(before, increment.u):
             self._write_snapshot(discretisation.fields())
         if time.monotonic() - self._saved_at > self.checkpoint_interval:
-            self._write_checkpoint(discretisation.fields())
+            self._write_checkpoint(discretisation)
 
     def _snapshot_due(self, before: float, now: float) -> bool:
         """True at the first increment that reaches or passes a wanted displacement."""
@@ -183,7 +240,7 @@ class RunWriter:
         points_file, grid_file = f"fields/points_{number:04d}.vtu", f"fields/grid_{number:04d}.vtu"
         write_file(self.partial / points_file, lambda path: write_mesh(points_mesh(fields), path))
         write_file(self.partial / grid_file, lambda path: write_mesh(grid_mesh(fields), path))
-        self._index.append((number, *self._last, points_file, grid_file))
+        self._index.append((number, self._last.step, self._last.u, points_file, grid_file))
         self._write_indices()
 
     def _write_indices(self) -> None:
@@ -197,14 +254,18 @@ class RunWriter:
             text = pvd_text([float(value) for value in times], table[f"{name}_file"].tolist())
             write_text(self.partial / f"{name}.pvd", text)
 
-    def _write_checkpoint(self, fields: "Fields") -> None:
+    def _write_checkpoint(self, discretisation: Discretisation) -> None:
         assert self._last is not None
-        arrays = {field.name: np.asarray(getattr(fields, field.name)) for field in dataclass_fields(fields)}
-
-        def save(path: Path) -> None:
-            np.savez(path, step=self._last[0], u=self._last[1], **arrays)  # type: ignore[index, arg-type]
-
-        write_file(self.partial / "checkpoint.npz", save)
+        costs = discretisation.costs
+        checkpoint = Checkpoint(
+            made_by=self._made_by,
+            increment=self._last,
+            pending=self._pending,
+            count={name: int(value) for name, value in costs.count.items()},
+            seconds={name: float(value) for name, value in costs.seconds.items()},
+            state=discretisation.checkpoint(),
+        )
+        write_file(self.partial / "checkpoint.npz", checkpoint.write)
         self._saved_at = time.monotonic()
 
     def last_state(self, discretisation: Discretisation) -> "Fields | None":
@@ -212,9 +273,9 @@ class RunWriter:
         if self._last is None:
             return None
         fields = discretisation.fields()
-        if not self._index or self._index[-1][1] != self._last[0]:
+        if not self._index or self._index[-1][1] != self._last.step:
             self._write_snapshot(fields)
-        self._write_checkpoint(fields)
+        self._write_checkpoint(discretisation)
         return fields
 
     def finish(self, info: dict[str, Any], crack_path: np.ndarray) -> None:
@@ -381,12 +442,11 @@ class RunFolder:
         return fields_of(self.points(u), self.grid(u))
 
     @property
-    def checkpoint(self) -> dict[str, np.ndarray]:
-        """Arrays of the last good state, with its step and displacement u."""
+    def checkpoint(self) -> Checkpoint:
+        """The last good state."""
         try:
-            with np.load(self.folder / "checkpoint.npz", allow_pickle=False) as arrays:
-                return dict(arrays)
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+            return Checkpoint.read(self.folder / "checkpoint.npz")
+        except BROKEN_CHECKPOINT as error:
             raise self._damaged("checkpoint.npz", "is missing or unreadable") from error
 
     @property

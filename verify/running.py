@@ -4,6 +4,7 @@ import math
 import os
 import time
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -14,7 +15,17 @@ import numpy as np
 from cases import Case, CaseError, load_case
 from numerics.costs import Costs
 from verify.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
-from verify.run_folder import Discretisation, RunFolder, RunFolderError, RunWriter, WriteError, run_path
+from verify.run_folder import (
+    BROKEN_CHECKPOINT,
+    Checkpoint,
+    Discretisation,
+    RunFolder,
+    RunFolderError,
+    RunWriter,
+    WriteError,
+    partial_folder,
+    run_path,
+)
 
 if TYPE_CHECKING:
     from numerics.quasi_static import Increment
@@ -47,11 +58,13 @@ def _material_points(case: Case) -> Discretisation:
 SOLVERS: dict[str, Callable[[Case], Discretisation]] = {"fem": _finite_elements, "mpm": _material_points}
 
 
-def solver_increments(discretisation: Any, case: Case) -> "Iterator[Increment]":
-    """The increments of a quasi-static run, one after the other."""
+def solver_increments(
+    discretisation: Any, case: Case, after: "Increment | None" = None
+) -> "Iterator[Increment]":
+    """The increments of a quasi-static run, one after the other, or those behind one of them."""
     from numerics.quasi_static import increments
 
-    return increments(discretisation, case)
+    return increments(discretisation, case, after)
 
 
 def case_for_run(case: Case | str | Path, run_name: str, tier: str | None = None) -> Case:
@@ -78,6 +91,19 @@ def up_to_date(case: Case, folder: Path) -> RunFolder | None:
     return finished if same and finished.info["status"] in REPEATABLE_STATUSES else None
 
 
+def unfinished(case: Case, folder: Path) -> Checkpoint | None:
+    """The checkpoint of an unfinished run of the same case by the same code, if there is one."""
+    try:
+        saved = Checkpoint.read(partial_folder(folder) / "checkpoint.npz")
+    except BROKEN_CHECKPOINT:
+        return None
+    return saved if saved.made_by == _identity(case) else None
+
+
+def _identity(case: Case) -> str:
+    return f"{case.hash()} {source_hash()}"
+
+
 def run(
     case: Case | str | Path,
     run_name: str,
@@ -87,6 +113,7 @@ def run(
     *,
     threads: int = DEFAULT_THREADS,
     force: bool = False,
+    resume: bool = False,
 ) -> RunFolder:
     """Compute one run of a case and return its folder; a run that is up to date is not computed again.
 
@@ -99,6 +126,7 @@ def run(
     listener : called with each accepted increment.
     threads : number of threads of compiled loops and linear algebra.
     force : compute even when the finished run is up to date.
+    resume : go on behind the checkpoint of an unfinished run of the same case and code, where there is one.
 
     Raises
     ------
@@ -108,22 +136,33 @@ def run(
     merged = case_for_run(case, run_name, tier)
     folder = run_path(Path(out), merged.name, merged.tier, run_name)
     finished = None if force else up_to_date(merged, folder)
-    return finished or _compute(merged, run_name, folder, listener, threads)
+    after = unfinished(merged, folder) if resume else None
+    return finished or _compute(merged, run_name, folder, listener, threads, after)
 
 
-def _compute(case: Case, run_name: str, folder: Path, listener: Listener | None, threads: int) -> RunFolder:
+def _compute(
+    case: Case,
+    run_name: str,
+    folder: Path,
+    listener: Listener | None,
+    threads: int,
+    after: Checkpoint | None,
+) -> RunFolder:
     from numerics.threads import use_threads
 
     use_threads(threads)
     try:
-        with RunWriter(folder, case.output.snapshots) as writer, PeakMemory() as memory:
-            attempt = _Attempt(case, run_name, writer, listener)
+        files = RunWriter(folder, case.output.snapshots, _identity(case), after)
+        with files as writer, PeakMemory() as memory:
+            attempt = _Attempt(case, run_name, writer, listener, after)
             attempt.solve()
             info = attempt.info() | {"threads": threads, "memory_mb": round(memory.megabytes, 1)}
+            info["resumed_after_step"] = after.increment.step if after else None
             writer.finish(info, attempt.crack_path)
     except KeyboardInterrupt as stopped:
         raise InterruptedRunError(
-            f"Stopped: what was computed so far is in {writer.partial} and will not be taken for a result."
+            f"Stopped: what was computed so far is in {writer.partial} and will not be taken for a result; "
+            "`verify run` with --resume goes on from its last checkpoint."
         ) from stopped
     return RunFolder(folder)
 
@@ -131,8 +170,16 @@ def _compute(case: Case, run_name: str, folder: Path, listener: Listener | None,
 class _Attempt:
     """One solution of a case: drives the increments and keeps what run.json tells."""
 
-    def __init__(self, case: Case, run_name: str, writer: RunWriter, listener: Listener | None) -> None:
+    def __init__(
+        self,
+        case: Case,
+        run_name: str,
+        writer: RunWriter,
+        listener: Listener | None,
+        after: Checkpoint | None,
+    ) -> None:
         self.case, self.run_name, self.writer, self.listener = case, run_name, writer, listener
+        self.after = after
         self.discretisation: Discretisation | None = None
         self.status, self.reason = "complete", ""
         self.seconds: dict[str, float] = {}
@@ -146,6 +193,7 @@ class _Attempt:
             self.discretisation = SOLVERS[self.case.run_spec(self.run_name).solver](self.case)
             self.seconds["set_up"] = time.perf_counter() - started
             self._warm_up(self.discretisation)
+            self._take_up(self.discretisation)
             self._march(self.discretisation)
             self._look_at_last_state(self.discretisation)
         except (WriteError, CaseError):
@@ -166,10 +214,21 @@ class _Attempt:
             warm_up()
         self.seconds["warm_up"] = time.perf_counter() - started
 
+    def _take_up(self, discretisation: Discretisation) -> None:
+        """State, counters and times of the checkpoint, if the run goes on behind one."""
+        if self.after is None:
+            return
+        discretisation.restore(self.after.state)
+        discretisation.costs.count = Counter(self.after.count)
+        discretisation.costs.seconds.update(self.after.seconds)
+        if self.after.increment.is_last:
+            self.status, self.reason = self.after.increment.status, self.after.increment.reason
+
     def _march(self, discretisation: Discretisation) -> None:
-        started = time.perf_counter()
-        for increment in solver_increments(discretisation, self.case):
-            if increment.status in ("no_convergence", "broken_through"):
+        started = time.perf_counter() - (self.after.increment.seconds if self.after else 0.0)
+        behind = (self.after.increment,) if self.after else ()
+        for increment in solver_increments(discretisation, self.case, *behind):
+            if increment.is_last:
                 self.status, self.reason = increment.status, increment.reason
             if increment.status != "no_convergence":  # it repeats the last good state, already listened to
                 self.writer.increment(increment, discretisation)
