@@ -170,11 +170,9 @@ class Shape(Table):
 
 
 def _polygon_contains(polygon: BaseGeometry, points: Array, slack: float) -> NDArray[np.bool_]:
-    inside = shapely.intersects_xy(polygon, points[:, 0], points[:, 1])
-    if slack == 0.0:
-        return inside
-    near = shapely.dwithin(polygon.boundary, shapely.points(points), abs(slack))
-    return inside | near if slack > 0 else inside & ~near
+    grown = polygon.buffer(slack, join_style="mitre") if slack else polygon
+    shapely.prepare(grown)
+    return shapely.intersects_xy(grown, points[:, 0], points[:, 1])
 
 
 def mesh_outline(path: Path) -> BaseGeometry:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 LARGEST_SNAPSHOTS = 4
 LARGEST_ROWS = 4
-PIXELS = 700  # along the longer side of a field that is drawn as an image
+PIXELS = 400  # along the longer side of a field that is drawn as an image
 ELEMENT, BROKEN_ELEMENT = ("#dfe9f2", style.OKABE_ITO[0]), ("#f6cfae", style.OKABE_ITO[1])  # face, edge
 SHARE_OF_BODY_TO_MOVE = 0.06  # displacements are drawn this large, relative to the body
 

@@ -16,7 +16,9 @@ import numpy as np
 import pandas as pd
 
 from cases import load_case
+from numerics.costs import Costs
 from numerics.fields import Fields
+from numerics.quasi_static import Increment
 from verify.run_folder import RunWriter, run_path
 
 PEAK, BROKEN, END = 0.0056, 0.0060, 0.0064
@@ -164,7 +166,7 @@ def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict
             work += 0.5 * (state.force + before[1]) * (u - before[0])
             before = (u, state.force)
             elastic = 0.5 * state.force * u
-            increment = SimpleNamespace(
+            increment = Increment(
                 step=step,
                 u=u,
                 share=u / END,
@@ -179,13 +181,17 @@ def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict
                 status="converged",
                 reason="",
             )
-            writer.increment(increment, SimpleNamespace(fields=lambda s=state: fields(cells, s)))
-        writer.last_state(SimpleNamespace(fields=lambda: fields(cells, State(END, factor))))
+            writer.increment(increment, _solver(cells, state))
+        writer.last_state(_solver(cells, State(END, factor)))
         x = np.linspace(0.5, 1.0, 60)
         info = _info(case, run, solver, cells)
         writer.finish(info, np.column_stack([x, line_of_crack(x, factor)]))
     kept = ("status", "reason", "counters", "seconds", "memory_mb", "measures", "case_hash", "solver")
     return {"folder": folder.relative_to(out).as_posix(), **{key: info[key] for key in kept}}
+
+
+def _solver(cells: int, state: State) -> Any:
+    return SimpleNamespace(costs=Costs(), fields=lambda: fields(cells, state), checkpoint=dict)
 
 
 def _info(case: Any, run: str, solver: str, cells: int) -> dict[str, Any]:

@@ -181,8 +181,8 @@ def loading_sign(curve: Curve) -> float:
         exchanged[sign] = float(np.trapezoid(part, path_coordinate(curve)))
     decisive = max(dissipated.values()) > 0.01 * sum(exchanged.values())
     work = dissipated if decisive else exchanged
-    # round-off does not decide
-    return 1.0 if work[1.0] >= (1.0 - 1e-6) * work[-1.0] else -1.0
+    # a percent does not decide: a body bent to and fro has its peak on the positive side
+    return 1.0 if work[1.0] >= 0.99 * work[-1.0] else -1.0
 
 
 def peak_index(curve: Curve) -> int:
