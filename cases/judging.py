@@ -32,6 +32,7 @@ class RunSpec:
     name : with its sweep values, such as "fem_levels[h=0.1]"
     solver : "fem" or "mpm"
     family : the name in the file, such as "fem_levels"
+    expect_failure : that it does not converge in the end is a result
     change : nested tables merged over the case for this run, sweep values included
     sweep_values : dotted key -> value of this member of the sweep; empty without a sweep
     """
@@ -39,6 +40,7 @@ class RunSpec:
     name: str
     solver: Literal["fem", "mpm"]
     family: str
+    expect_failure: bool = False
     change: dict[str, Any] = field(default_factory=dict)
     sweep_values: dict[str, Scalar] = field(default_factory=dict)
 
@@ -72,11 +74,13 @@ class Run(Table):
 
     Attributes
     ----------
+    expect_failure : that the run does not converge in the end is a result, not a fault
     change : tables merged over the case for this run
     sweep : dotted key -> values; expands to one run for each combination of values
     """
 
     solver: Literal["fem", "mpm"]
+    expect_failure: Switch = False
     change: dict[str, Any] = Field(default_factory=dict)
     sweep: dict[str, Annotated[tuple[SweepValue, ...], Field(min_length=1)]] = Field(default_factory=dict)
 
@@ -91,7 +95,7 @@ class Run(Table):
     def members(self, family: str) -> list[RunSpec]:
         """All runs that this table stands for."""
         if not self.sweep:
-            return [RunSpec(family, self.solver, family, self.change)]
+            return [RunSpec(family, self.solver, family, self.expect_failure, self.change)]
         return [self._member(family, values) for values in product(*self.sweep.values())]
 
     def _member(self, family: str, values: tuple[Scalar, ...]) -> RunSpec:
@@ -100,7 +104,7 @@ class Run(Table):
         for key, value in swept.items():
             change = merge(change, nest(key, value))
         labels = ",".join(f"{self._label(key)}={_text(value)}" for key, value in swept.items())
-        return RunSpec(f"{family}[{labels}]", self.solver, family, change, swept)
+        return RunSpec(f"{family}[{labels}]", self.solver, family, self.expect_failure, change, swept)
 
     def _label(self, key: str) -> str:
         last = [k.rsplit(".", 1)[-1] for k in self.sweep]

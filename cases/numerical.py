@@ -119,6 +119,7 @@ class Mesh(Table):
     growth : largest ratio of neighbouring spacings outside the fine box
     fine : the fine box
     element : shape of the finite elements
+    geometry : on which the finite elements measure strain: as meshed, or as they have moved after each increment
     under_resolved : allow h above the length scale, to study what it costs
     """
 
@@ -127,6 +128,7 @@ class Mesh(Table):
     growth: Annotated[Number, Field(gt=1, le=10)] = 1.3
     fine: Box | None = None
     element: Literal["quad", "triangle"] = "quad"
+    geometry: Literal["initial", "updated"] = "initial"
     under_resolved: Switch = False
 
     @model_validator(mode="after")

@@ -14,11 +14,11 @@ from physics.energy_splits import point_response
 
 
 @njit(cache=True, parallel=True)
-def displacement_gradients(nodes, slope, displacement, gradient):
-    """Displacement gradient ux,x ux,y uy,x uy,y at the Gauss points, into ``gradient`` (n_el, n_gauss, 4)."""
+def displacement_gradients(nodes, slope, displacement, before, gradient):
+    """Displacement gradient ux,x ux,y uy,x uy,y on top of one before, into ``gradient`` (n_el, n_gauss, 4)."""
     for e in prange(nodes.shape[0]):
         for q in range(slope.shape[1]):
-            xx = xy = yx = yy = 0.0
+            xx, xy, yx, yy = before[e, q, 0], before[e, q, 1], before[e, q, 2], before[e, q, 3]
             for a in range(nodes.shape[1]):
                 ux, uy = displacement[nodes[e, a], 0], displacement[nodes[e, a], 1]
                 xx += slope[e, q, a, 0] * ux

@@ -15,6 +15,7 @@ from numerics.fields import Fields
 from numerics.linear_solvers import lift_empty_diagonal, linear_solver
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
+from numerics.staggered import NewtonError
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
 from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, notch_history
@@ -22,6 +23,7 @@ from physics.phase_field import PhaseFieldCoefficients, crack_density, degradati
 from . import kernels
 from .boundary import NodeConstraints
 from .meshing import build_mesh
+from .quality import scaled_jacobian
 
 
 class FiniteElements:
@@ -49,6 +51,7 @@ class FiniteElements:
         self.shape = np.array([np.asarray(f)[0] for f in fields]).T.copy()
         self.slope = np.ascontiguousarray(np.stack([f.grad for f in fields]).transpose(2, 3, 0, 1))
         self.volume = np.ascontiguousarray(basis.dx) * self.case.plane.thickness
+        self._first_slope, self._first_volume = self.slope, self.volume
         self.gauss_points = np.einsum("qa,eai->eqi", self.shape, self.nodes[self.elements])
 
     def _set_materials(self, materials: MaterialTable, body: NDArray) -> None:
@@ -96,10 +99,12 @@ class FiniteElements:
         self._stress, self._psi = np.zeros((n_elements, n_gauss, 3)), np.zeros((n_elements, n_gauss, 2))
         self._forces = np.zeros((n_elements, self._unknowns.shape[1]))
         self._c, self._slope_squared = np.ones((n_elements, n_gauss)), np.zeros((n_elements, n_gauss))
+        #: strain is measured from here on: from the start, or from the last state where the geometry is updated
+        self._measured_from = (np.zeros_like(self.displacement), np.zeros_like(self._gradient))
         self._force_scale = self._applied = 0.0
         self.history_field = self._initial_history()
         self._load = self.case.load.path[0]
-        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load)
+        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load, self._gradient.copy())
         self.costs.count.update(
             unknowns_displacement=self.constraints.size,
             unknowns_phase_field=self.constraints.phase_size if self._breaks else 0,
@@ -135,7 +140,24 @@ class FiniteElements:
         return self._c.ravel()
 
     def begin_step(self) -> None:
-        """Nothing to prepare: the mesh is the mesh."""
+        """Measure on the mesh as it has moved, where the case asks for it; else the mesh is the mesh.
+
+        Raises NewtonError where an element has turned inside out.
+        """
+        if self.case.mesh.geometry == "initial":
+            return
+        displacement = self._committed[0]
+        total = np.empty_like(self._gradient)
+        nothing = np.zeros_like(total)
+        kernels.displacement_gradients(self.elements, self._first_slope, displacement, nothing, total)
+        deformation = np.eye(2) + total.reshape(*total.shape[:2], 2, 2)
+        stretch = np.linalg.det(deformation)
+        if stretch.min() <= 0.0:
+            element = int(np.unravel_index(stretch.argmin(), stretch.shape)[0])
+            raise NewtonError(f"element {element} has turned inside out")
+        self.slope = self._first_slope @ np.linalg.inv(deformation)
+        self.volume = self._first_volume * stretch
+        self._measured_from = (displacement, self._committed[3])
 
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field at the Gauss points for a history field (n_points,), Eq. 4.16."""
@@ -197,7 +219,10 @@ class FiniteElements:
             return residual, max(self._force_scale, applied)
 
     def _evaluate_forces(self) -> None:
-        kernels.displacement_gradients(self.elements, self.slope, self.displacement, self._gradient)
+        since, before = self._measured_from
+        kernels.displacement_gradients(
+            self.elements, self.slope, self.displacement - since, before, self._gradient
+        )
         kernels.internal_forces(
             self.slope, self.volume, self._gradient, self._g, self._split, self._lam, self._mu,
             self._forces, self._stress, self._psi,
@@ -217,30 +242,33 @@ class FiniteElements:
         """Make the trial state the state."""
         self._force_scale = max(self._force_scale, self._applied)
         self.history_field = history_field
-        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load)
+        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load, self._gradient.copy())
 
     def undo(self) -> None:
         """Back to the last committed state."""
-        self.displacement[:], self.nodal_phase_field, self._load = self._committed
+        self.displacement[:], self.nodal_phase_field, self._load, self._gradient[:] = self._committed
         self._map_phase_field()
         self._g = degradation(self._c, self._coefficients.residual_stiffness)
         self._evaluate_forces()
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Arrays from which `restore` makes the last committed state again."""
-        displacement, nodal_phase_field, load = self._committed
+        displacement, nodal_phase_field, load, gradient = self._committed
         return {
             "displacement": displacement,
             "nodal_phase_field": nodal_phase_field,
             "history_field": self.history_field,
             "load": np.array(load),
+            "gradient": gradient,
             "force_scale": np.array(self._force_scale),
         }
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to the state of a checkpoint of the same case."""
         self.history_field, self._force_scale = saved["history_field"], float(saved["force_scale"])
-        self._committed = (saved["displacement"], saved["nodal_phase_field"], float(saved["load"]))
+        load, gradient = float(saved["load"]), saved["gradient"]
+        self._committed = (saved["displacement"], saved["nodal_phase_field"], load, gradient)
+        self.begin_step()
         self.undo()
 
     # ---------------------------------------------------------------- what can be seen
@@ -286,5 +314,6 @@ class FiniteElements:
         )
 
     def measures(self) -> dict[str, float]:
-        """Errors against the exact solution, where the case has one."""
-        return exact_errors(self.case, self.fields(), self._load)
+        """Least quality of the moved elements, and errors against the exact solution where the case has one."""
+        quality = float(scaled_jacobian(self.nodes + self.displacement, self.elements).min())
+        return exact_errors(self.case, self.fields(), self._load) | {"element_quality": quality}

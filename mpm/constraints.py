@@ -100,11 +100,24 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
         return places, offset
 
     def in_region(lower: Pair, upper: Pair) -> tuple[NDArray, NDArray]:
-        """Points whose rectangles touch a box, held at the nearest place in it."""
-        away = np.clip(cloud.positions, lower, upper) - cloud.positions
-        middle = cloud.corner + 0.5 * cloud.size
-        touching = np.flatnonzero((np.abs(away - middle) <= REACH * cloud.size).all(axis=1))
-        return touching, away[touching]
+        """Points whose rectangles reach into a box, held at the nearest place in it.
+
+        A rectangle that only touches the box's end is left out, and so is one that ends on a flat box where another
+        begins: a place held from two cells would stiffen both as soon as it moves.
+        """
+        start = cloud.positions + cloud.corner
+        end = start + cloud.size
+        slack = (REACH - 0.5) * cloud.size
+        overlap = np.minimum(end, upper) - np.maximum(start, lower)
+        flat = np.asarray(upper) - np.asarray(lower) <= slack
+        reaching = np.where(flat, overlap >= -slack, overlap > slack).all(axis=1)
+        for direction in (0, 1):
+            ends_there = np.abs(end - lower)[:, direction] <= slack[:, direction]
+            beginning = reaching & flat[:, direction] & ~ends_there
+            if beginning.any():
+                reaching &= ~(flat[:, direction] & ends_there)
+        held = np.flatnonzero(reaching)
+        return held, np.clip(cloud.positions[held], lower, upper) - cloud.positions[held]
 
     def on_circle(circle: Circle) -> tuple[NDArray, NDArray]:
         """Points whose rectangles reach the circle, held at the nearest place on it."""

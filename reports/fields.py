@@ -12,6 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
+from fem_reference.quality import scaled_jacobian
+
 from . import style
 from .curves import run_label
 from .outlines import draw_outlines, fit_axes, shade_bodies
@@ -227,6 +229,34 @@ def _stress_limit(runs: Sequence[RunResults], wanted: Sequence[float]) -> float 
 
 
 # ---------------------------------------------------------------- distorted mesh beside points
+
+
+def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the quality of the moved elements over displacement, where strain is measured on them."""
+    run = next((r for r in results.main_runs() if r.solver == "fem" and len(r.stored) > 1), None)
+    if run is None or results.case is None or results.case.mesh.geometry == "initial":
+        return None
+    rows = []
+    for u in run.stored:
+        grid = run.grid(float(u))
+        quality = scaled_jacobian(grid.points + grid.displacement, grid.cells)
+        rows.append((float(u), quality.min(), np.percentile(quality, 1), np.median(quality)))
+    table = pd.DataFrame(rows, columns=["u", "least", "one_percent", "median"])
+    figure = Figure(figsize=(7.2, 3.2), layout="constrained")
+    axes = style.curve_axes(figure, f"displacement u [{results.unit('displacement')}]", "scaled Jacobian [–]")
+    for column, label in (("median", "median"), ("one_percent", "worst 1 %"), ("least", "worst element")):
+        axes.plot(table["u"], table[column], marker="o", label=label)
+    axes.axhline(0.0, color="black", linewidth=0.8)
+    axes.legend()
+    caption = (
+        "Quality of the moved finite elements: 1 for a square, 0 where two sides fall together, negative where an "
+        f"element is turned inside out (Fig. 4.22 of the thesis). The last stored state is at u = {number(rows[-1][0])} "
+        f"{results.unit('displacement')}."
+    )
+    return style.Drawing(
+        "element-quality", "Element quality", caption, style.save(figure, folder, "element-quality"),
+        style.save_data(table, folder, "element-quality"),
+    )  # fmt: skip
 
 
 def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:

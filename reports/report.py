@@ -28,6 +28,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Phase field", fields.phase_field),
     ("Crack paths", fields.crack_paths),
     ("Distorted mesh and material points", fields.distortion),
+    ("Element quality", fields.element_quality),
     ("Hydrostatic stress", fields.hydrostatic_stress),
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),

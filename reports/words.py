@@ -24,6 +24,7 @@ VERDICT_WORDS = {
 STATUS_WORDS = {
     "complete": "load path completed",
     "broken_through": "broken through",
+    "expected_failure": "failed, as expected",
     "no_convergence": "no convergence",
     "failed": "failed",
     "missing": "no results",

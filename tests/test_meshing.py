@@ -16,6 +16,7 @@ from fem_reference.mesh_quads import rectilinear
 from fem_reference.mesh_slits import Slit, cells_cut_by, split_slit
 from fem_reference.mesh_triangles import SizeField
 from fem_reference.meshing import Mesh, MeshError, build_mesh, quality
+from fem_reference.quality import scaled_jacobian
 
 FRAME = """
 title = "Mesh"
@@ -494,3 +495,13 @@ def test_one_kind_of_element_only(tmp_path: Path) -> None:
     assert np.bincount(mesh.body, signed_areas(mesh.arrays.points, mesh.arrays.cells)) == pytest.approx(
         [2, 1]
     )
+
+
+def test_scaled_jacobian_tells_the_shape_of_elements():
+    quads = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [1.5, 1]], float)
+    square, sheared, inverted = [0, 1, 2, 3], [1, 4, 5, 2], [3, 2, 1, 0]
+    assert scaled_jacobian(quads, np.array([square]))[0] == pytest.approx(1.0)
+    assert 0.5 < scaled_jacobian(quads, np.array([sheared]))[0] < 1.0
+    assert scaled_jacobian(quads, np.array([inverted]))[0] == pytest.approx(-1.0)
+    triangle = np.array([[0, 0], [1, 0], [0.5, np.sqrt(0.75)]])
+    assert scaled_jacobian(triangle, np.array([[0, 1, 2]]))[0] == pytest.approx(1.0)

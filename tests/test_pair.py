@@ -126,3 +126,37 @@ def test_same_case_twice_and_on_one_or_two_threads(variant):
     use_threads(2)
     assert np.array_equal(curves[0], curves[1])
     assert np.allclose(curves[0], curves[2], rtol=1e-7, atol=1e-12)
+
+
+def test_a_strip_that_moves_holds_no_more_cells_than_at_first(variant):
+    """A strip that ends on a grid line, carried by a tenth of a cell: what touches its end must not be held."""
+    case = variant(
+        "l_panel", mesh={"h": 10.0, "coarse": 10.0, "fine": {"lower": [0.0, 0.0], "upper": [500.0, 500.0]}},
+        materials={"concrete": {"fracture": {"toughness": 1e6, "length_scale": 10.0}}},
+        load={"path": [0.0, 1.0], "increment": 0.5, "adaptive": False, "smallest": 0.5},
+    )  # fmt: skip
+    fem, _ = march(FiniteElements, case)
+    mpm, _ = march(MaterialPoints, case)
+    assert np.abs(mpm[1:, 1] / fem[1:, 1] - 1).max() < 3e-3
+
+
+def test_updated_geometry_follows_a_large_stretch_and_ends_where_an_element_is_turned_inside_out(variant):
+    """Uniaxial strain in increments: the sum of du / length is the logarithm of the stretch."""
+    def pressed_to(end):
+        return variant(
+            "elastic_mms", "fem", exact=None, mesh={"h": 0.5, "geometry": "updated"},
+            boundaries={}, constraints=[
+                {"on": "left", "direction": "x", "value": 0.0}, {"on": "right", "direction": "x", "scale": 1.0},
+                {"on": "bottom", "direction": "y", "value": 0.0}, {"on": "top", "direction": "y", "value": 0.0},
+            ], load={"path": [0.0, end], "increment": 0.002, "adaptive": False},
+        )  # fmt: skip
+
+    for end in (0.5, -0.5):
+        _, elements = march(FiniteElements, pressed_to(end))
+        assert elements.fields().gradient[:, 0] == pytest.approx(np.log(1.0 + end), abs=3e-3)
+        assert elements.measures()["element_quality"] == pytest.approx(1.0)
+    solver = FiniteElements(pressed_to(-1.2))
+    last = list(increments(solver, pressed_to(-1.2)))[-1]
+    assert last.status == "no_convergence"
+    assert "turned inside out" in last.reason
+    assert last.u == pytest.approx(-1.0, abs=0.01)

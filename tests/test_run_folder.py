@@ -70,6 +70,18 @@ def test_no_convergence_keeps_the_last_good_state(
     assert [snapshot.step for snapshot in done.snapshots()] == [4]
 
 
+def test_a_failure_that_the_case_expects_is_a_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_solver.install(monkeypatch, fake_solver.stopping_at(4))
+    case = fake_solver.write_case(tmp_path / "square")
+    case.write_text(case.read_text().replace('solver = "fem"', 'solver = "fem"\nexpect_failure = true'))
+    done = run(case, "fem", "quick", tmp_path)
+    assert (done.info["status"], done.good) == ("expected_failure", True)
+    assert done.info["reason"] == "the smallest increment failed"
+    assert not run(case, "mpm", "quick", tmp_path).good
+
+
 def test_a_solver_that_raises_leaves_a_failed_run_with_its_reason(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -292,6 +292,12 @@ METRICS = _registry(
         _of_curve(curves.displacement_at_peak),
     ),
     Metric(
+        "end_displacement",
+        "displacement",
+        "displacement of the last increment",
+        _of_curve(lambda curve: float(curve.u[-1])),
+    ),
+    Metric(
         "initial_stiffness",
         "toughness",
         "slope of the load-displacement curve at its start",
@@ -319,6 +325,7 @@ METRICS = _registry(
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
     _measured("constraint_error", "largest violation of a constraint"),
+    _measured("element_quality", "least scaled Jacobian of the moved elements"),
     _measured("profile_error", "error of the phase-field profile"),
     _measured("l2_error_displacement", "relative L2 error of the displacement"),
     _measured("l2_error_phase_field", "relative L2 error of the phase field"),

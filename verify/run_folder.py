@@ -54,7 +54,7 @@ REQUIRED_INFO = (
     "code_version",
     "increments",
 )
-GOOD_STATUSES = ("complete", "broken_through")
+GOOD_STATUSES = ("complete", "broken_through", "expected_failure")
 STATUSES = (*GOOD_STATUSES, "no_convergence", "failed")
 
 __all__ = ["RunFolder", "RunFolderError", "RunWriter", "Snapshot", "WriteError", "partial_folder", "run_path"]

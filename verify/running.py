@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 DEFAULT_OUT = Path("reports/out")
 DEFAULT_THREADS = min(2, os.cpu_count() or 1)
 # A run that ended so would end so again. A failed one may have met a full disk or a bug since mended.
-REPEATABLE_STATUSES = ("complete", "broken_through", "no_convergence")
+REPEATABLE_STATUSES = ("complete", "broken_through", "expected_failure", "no_convergence")
 
 Listener = Callable[["Increment"], None]
 
@@ -234,6 +234,8 @@ class _Attempt:
                 self.writer.increment(increment, discretisation)
             if self.listener is not None:
                 self.listener(increment)
+        if self.status == "no_convergence" and self.case.run_spec(self.run_name).expect_failure:
+            self.status = "expected_failure"
         self.seconds["increments"] = time.perf_counter() - started
 
     def _look_at_last_state(self, discretisation: Discretisation) -> None:
