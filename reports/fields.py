@@ -276,7 +276,8 @@ def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
     for row, part in enumerate((None, window)):
         _draw_deformed_mesh(axes[row, 0], grid, factor, part)
         _draw_moved_points(axes[row, 1], points, factor, part)
-    _frame_distortion(axes, results, window)
+    moved = grid.points + factor * grid.displacement
+    _frame_distortion(axes, (moved.min(axis=0), moved.max(axis=0)), window)
     _title_distortion(axes, results, u_fem, u_mpm)
     figure.legend(handles=_distortion_key(), loc="outside lower center", ncols=3)
     caption = (
@@ -350,12 +351,10 @@ def _draw_moved_points(
     )  # fmt: skip
 
 
-def _frame_distortion(axes: np.ndarray, results: CaseResults, window: np.ndarray) -> None:
-    lower, upper = extent_of(results)
-    reach = SHARE_OF_BODY_TO_MOVE * (upper - lower).max()
+def _frame_distortion(axes: np.ndarray, moved: tuple[np.ndarray, np.ndarray], window: np.ndarray) -> None:
     for whole, close_up in axes.T:
         whole.set_aspect("equal")
-        fit_axes(whole, lower - reach, upper + reach)
+        fit_axes(whole, *moved)
         whole.add_patch(_window_frame(window))
         close_up.set(xlim=window[:, 0], ylim=window[:, 1], aspect="equal")
 
