@@ -159,9 +159,11 @@ class MaterialPoints:
         self._active.sort_points(cells)
         self._active.shift = shift
         self._value_at_points, _ = self.grid.evaluate(positions, *cells)
-        filling, places = self._integration(positions)
+        intact = self._intact()
+        deformation = self._deformation(intact)
+        filling, places = self._integration(positions, intact, deformation)
         self._value, slope = self.grid.evaluate(places, *cells)
-        self._slope, self._volume = self._measure_on(slope, filling)
+        self._slope, self._volume = self._measure_on(slope, filling, deformation)
         springs = self._penalties
         held = springs.places
         value, _ = self.grid.evaluate(positions[held] + springs.offset, cells[0][held], cells[1][held])
@@ -184,32 +186,33 @@ class MaterialPoints:
             return np.zeros(2)
         return self.state.displacement[self._tip_points].mean(axis=0)
 
-    def _integration(self, positions: NDArray) -> tuple[NDArray, NDArray]:
+    def _integration(
+        self, positions: NDArray, intact: NDArray, deformation: NDArray
+    ) -> tuple[NDArray, NDArray]:
         """Factors (n_points,) on the points' volumes and places (n_points, 2) where they integrate.
 
         Torn material (c -> 0) keeps its own.
         """
         if not self.case.mpm.fill_cells:
             return np.ones(len(positions)), positions
-        intact = self._intact()
-        deformation = self._deformation(intact)
         stretches = deformation[:, [0, 1], [0, 1]]
         lower = positions + stretches * self.cloud.corner
-        area = np.linalg.det(deformation) * self.cloud.volume / self.case.plane.thickness
+        area = _determinant(deformation) * self.cloud.volume / self.case.plane.thickness
         rectangles = Rectangles(lower, lower + stretches * self.cloud.size, area)
         filling, places = integrate_cells(self.grid, self._active, positions, rectangles, self._sides)
         return 1.0 + intact * (filling - 1.0), positions + intact[:, None] * (places - positions)
 
-    def _measure_on(self, slope: NDArray, filling: NDArray) -> tuple[NDArray, NDArray]:
+    def _measure_on(
+        self, slope: NDArray, filling: NDArray, deformation: NDArray
+    ) -> tuple[NDArray, NDArray]:
         """Slopes (n_points, k, 2) and volumes (n_points,) by which strains and integrals are measured.
 
         Torn material (c -> 0) keeps the grid's own slopes and its own volume.
         """
-        deformation = self._deformation(self._intact())
         volume = self.cloud.volume * filling
         if self.case.mpm.strain == "initial":
             return slope @ deformation, volume
-        return slope, volume * np.linalg.det(deformation)
+        return slope, volume * _determinant(deformation)
 
     def _intact(self) -> NDArray:
         """1 for material that still holds together, falling to 0 as it tears (n_points,)."""
@@ -486,3 +489,8 @@ class MaterialPoints:
         if self._point_motions:
             errors["constraint_error"] = self._constraint_error
         return errors
+
+
+def _determinant(matrices: NDArray) -> NDArray:
+    """Determinants (n,) of matrices (n, 2, 2)."""
+    return matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
