@@ -78,6 +78,8 @@ class _LoadPath:
         self.load = case.load.path[0]
         self.increment = case.load.increment
         self.length = float(np.abs(np.diff(case.load.path)).sum()) or 1.0
+        #: decimals of a load: enough for the smallest increments, too few for the sums' round-off
+        self.digits = 12 - int(np.ceil(np.log10(self.length)))
         self.done = 0.0
         self.step = 0
         self.work = 0.0
@@ -128,7 +130,8 @@ class _LoadPath:
         while True:
             size = min(self.increment, abs(target - self.load))
             # do not leave a sliver before the target
-            load = target if abs(target - self.load) - size < 1e-9 * self.length else self.load + direction * size
+            left = abs(target - self.load) - size
+            load = target if left < 1e-9 * self.length else round(self.load + direction * size, self.digits)
             smallest = size <= self.case.load.smallest * 1.001
             outcome, problem = self._try(load, smallest)
             if not problem:
