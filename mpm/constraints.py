@@ -102,8 +102,8 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
     def in_region(lower: Pair, upper: Pair) -> tuple[NDArray, NDArray]:
         """Points whose rectangles reach into a box, held at the nearest place in it.
 
-        A rectangle that only touches the box's end is left out, and so is one that ends on a flat box where another
-        begins: a place held from two cells would stiffen both as soon as it moves.
+        A rectangle that only touches the box's end is left out, and so is one that ends on a flat box where one
+        beside it begins: a place held from two cells would stiffen both as soon as it moves.
         """
         start = cloud.positions + cloud.corner
         end = start + cloud.size
@@ -113,9 +113,11 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
         reaching = np.where(flat, overlap >= -slack, overlap > slack).all(axis=1)
         for direction in (0, 1):
             ends_there = np.abs(end - lower)[:, direction] <= slack[:, direction]
-            beginning = reaching & flat[:, direction] & ~ends_there
-            if beginning.any():
-                reaching &= ~(flat[:, direction] & ends_there)
+            on_flat = reaching & flat[:, direction]
+            ending, other = np.flatnonzero(on_flat & ends_there), on_flat & ~ends_there
+            begins, ends, least = (part[:, 1 - direction] for part in (start, end, slack))
+            beside = np.minimum(ends[ending, None], ends[other]) - np.maximum(begins[ending, None], begins[other])
+            reaching[ending[(beside > least[ending, None]).any(axis=1)]] = False
         held = np.flatnonzero(reaching)
         return held, np.clip(cloud.positions[held], lower, upper) - cloud.positions[held]
 

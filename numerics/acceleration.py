@@ -31,7 +31,8 @@ class Acceleration:
     def next(self, start: NDArray, image: NDArray) -> NDArray:
         """Next iterate (n,), ``start`` (n,) having been mapped to ``image`` (n,)."""
         residual = image - start
-        if np.abs(residual).max() > RUNNING or not self._memory:
+        # what is not finite is left to equilibrium to report
+        if not np.abs(residual).max() <= RUNNING or not self._memory:
             return self._over_relaxed(start, residual)
         self._starts = [*self._starts[-self._memory :], start]
         self._residuals = [*self._residuals[-self._memory :], residual]

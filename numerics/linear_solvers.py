@@ -1,4 +1,4 @@
-"""Linear solvers behind one interface: PARDISO where its platform allows, SuperLU as fallback, GMRES by name."""
+"""Linear solvers behind one interface: PARDISO where its platform allows, else SuperLU or conjugate gradients."""
 
 from __future__ import annotations
 
@@ -52,14 +52,20 @@ class Pardiso:
         """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
         matrix = self._pattern.upper(values)
         try:
+            self._factorise_somehow(matrix)
+            with self._costs.timed("solve"):
+                return self._call(33, matrix, right_side)
+        except PyPardisoError as error:
+            raise LinearSolverError(f"PARDISO could not solve the system: {error}") from error
+
+    def _factorise_somehow(self, matrix) -> None:
+        try:
             self._factorise(matrix)
         except PyPardisoError:
             self._solver.free_memory(everything=True)
             self._solver.set_matrix_type(self.INDEFINITE)
             self._analysed = False
             self._factorise(matrix)
-        with self._costs.timed("solve"):
-            return self._call(33, matrix, right_side)
 
     def _factorise(self, matrix) -> None:
         with self._costs.timed("factorisation"):

@@ -20,16 +20,15 @@ LOOSE_TOLERANCE = 1e-4
 TORN_STIFFNESS = 1e-4
 #: a step is long enough when the slope of the energy along it has fallen to this share
 SLOPE_SHARE = 0.5
-
-
 #: largest ratio of loads by which a displacement is scaled to begin with
 LARGEST_SCALING = 2.0
 
 
 def load_ratio(load: float, before: float) -> float:
-    """Factor on the last displacement that a new load begins with: exact while the phase field rests.
+    """Factor on the last displacement that a new load begins with; 1 where the load starts, jumps or changes its sign.
 
-    All three splits are homogeneous of degree one. 1 where the load starts or changes its sign.
+    Exact while the phase field rests and all that is prescribed grows with the load on a geometry that stays, since all
+    three splits are homogeneous of degree one.
     """
     ratio = load / before if before else 1.0
     return ratio if 0.0 < ratio <= LARGEST_SCALING else 1.0

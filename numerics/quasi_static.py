@@ -1,4 +1,4 @@
-"""Quasi-static loading in increments that adapt: grown while nothing breaks, undone and halved when too much does."""
+"""Quasi-static loading in increments that adapt: grown while nothing breaks, undone and cut when too much does."""
 
 from __future__ import annotations
 

@@ -32,7 +32,10 @@ class Discretisation(Protocol):
     nodal_phase_field: NDArray
 
     def begin_step(self) -> None:
-        """Prepare the basis for the current positions (the FEM does nothing)."""
+        """Prepare the basis for the current positions.
+
+        Raises NewtonError where the moved mesh cannot be measured on.
+        """
 
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field (n_points,) for a history field (n_points,)."""
@@ -134,13 +137,15 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
         start = discretisation.nodal_phase_field
         previous, phase_field = phase_field, discretisation.solve_phase_field(history_field)
         before, change = change, float(np.abs(phase_field - previous).max())
-        if _remaining(change, before) <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
+        image = discretisation.nodal_phase_field
+        ahead = acceleration.next(start, image)
+        # an accelerated step is itself an estimate of the distance
+        remaining = max(_remaining(change, before), float(np.abs(ahead - start).max()))
+        if remaining <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
             return StepOutcome("converged", history_field, iteration)
         reason = give_up(iteration)
         if reason:
             return StepOutcome("interrupted", history_field, iteration, reason)
-        image = discretisation.nodal_phase_field
-        ahead = acceleration.next(start, image)
         # it may leave the range that the equation itself would keep to
         phase_field = discretisation.set_phase_field(np.clip(ahead, np.minimum(image, 0.0), np.maximum(image, 1.0)))
     return StepOutcome("stalled", history_field, settings.largest_iterations, f"{iteration} staggered iterations")

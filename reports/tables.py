@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from verify.run_folder import GOOD_STATUSES
+
 from . import style
 from .words import (
     STATUS_WORDS,
@@ -137,7 +139,7 @@ def run_rows(results: CaseResults) -> list[dict[str, Any]]:
             "name": run.name,
             "method": style.NAME_OF_SOLVER.get(run.solver, run.solver),
             "status": STATUS_WORDS.get(run.status, run.status),
-            "good": run.status in ("complete", "broken_through"),
+            "good": run.status in GOOD_STATUSES,
             "reason": str(run.entry.get("reason") or ("" if run.exists else run.problem)),
             "increments": whole(len(run.history) - 1) if run.exists else "–",
             "seconds": number((run.entry.get("seconds") or {}).get("total"), 3),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from verify.metrics import MetricError, find_metric
 from verify.metrics import metric_unit as unit_of_metric
+from verify.run_folder import GOOD_STATUSES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -142,8 +143,7 @@ def _short(check: Mapping[str, Any]) -> str:
 
 def runs_sentence(runs: Sequence[Any]) -> str:
     """Return how the runs of a case ended, naming those without a usable end."""
-    ended = {"complete", "broken_through"}
-    bad = [run for run in runs if run.status not in ended]
+    bad = [run for run in runs if run.status not in GOOD_STATUSES]
     if not runs:
         return "No run is recorded for this case."
     if not bad:

@@ -11,8 +11,11 @@ import fake_solver
 import numpy as np
 import pytest
 
+from cases import load_case
+from reports.words import runs_sentence
 from verify import running
 from verify.atomic import WriteError, superseded, write_text
+from verify.judge import find_run
 from verify.run_folder import RunFolder, RunFolderError, RunWriter, partial_folder, run_path
 from verify.running import InterruptedRunError, run
 
@@ -123,6 +126,8 @@ import os, sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 import fake_solver
+from cases import load_case
+from reports.words import runs_sentence
 from verify import running
 from verify import run_folder
 running.SOLVERS["fem"] = fake_solver.FakeSolver
@@ -362,3 +367,29 @@ def test_a_resumed_solution_is_that_of_an_uninterrupted_run(
     assert {name: done.info["counters"][name] for name in work} == {
         name: whole.info["counters"][name] for name in work
     }
+
+
+def test_what_a_case_expects_is_judged_as_the_case_stands_now(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_solver.install(monkeypatch, fake_solver.stopping_at(4))
+    plain = fake_solver.write_case(tmp_path / "square")
+    assert run(plain, "fem", "quick", tmp_path).info["status"] == "no_convergence"
+    expecting = plain.read_text().replace('solver = "fem"', 'solver = "fem"\nexpect_failure = true')
+    plain.write_text(expecting)
+    state = find_run(load_case(plain, "quick"), "fem", tmp_path)
+    assert (state.status, state.failed) == ("expected_failure", False)
+    assert runs_sentence([state]).startswith("1 run ended as intended")
+
+
+@pytest.mark.usefixtures("save_always")
+def test_a_history_that_does_not_reach_the_checkpoint_is_not_gone_on_with(
+    case_file: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(InterruptedRunError):
+        run(case_file, "fem", "quick", tmp_path, _stop_at(5))
+    history = partial_folder(run_path(tmp_path, "square", "quick", "fem")) / "history.csv"
+    _cut(history)
+    done = run(case_file, "fem", "quick", tmp_path, resume=True)
+    assert done.info["resumed_after_step"] is None
+    assert len(done.history) == 11

@@ -265,7 +265,7 @@ def _fresh_processes() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["verify.cli", "fem_reference", "mpm"])
+    context.set_forkserver_preload(["verify.cli", "verify.ready"])
     return context
 
 

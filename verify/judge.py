@@ -15,7 +15,7 @@ from verify.atomic import write_text
 from verify.curves import CurveError
 from verify.metrics import metric_unit
 from verify.provenance import code_version
-from verify.run_folder import GOOD_STATUSES, RunFolder, RunFolderError, partial_folder, run_path
+from verify.run_folder import GOOD_STATUSES, RunFolder, RunFolderError, as_expected, partial_folder, run_path
 from verify.targets import JudgeError, require_sense, target_of, value_of
 
 CheckVerdict = Literal["PASS", "FAIL", "MISSING", "INFO"]
@@ -101,8 +101,8 @@ def find_run(case: Case, run_name: str, out: Path) -> RunState:
         return RunState(folder, status, str(error))
     if found.info["case_hash"] != load_case(case.source, case.tier, run_name).hash():
         return RunState(folder, "changed", "computed for another version of the case file; run it again")
-    good = found.info["status"] in GOOD_STATUSES
-    return RunState(folder, found.info["status"], found.info["reason"], found if good else None)
+    status = as_expected(found.info["status"], case, run_name)
+    return RunState(folder, status, found.info["reason"], found if status in GOOD_STATUSES else None)
 
 
 def find_runs(case: Case, out: Path) -> dict[str, RunState]:

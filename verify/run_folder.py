@@ -132,6 +132,13 @@ def partial_folder(folder: Path) -> Path:
     return folder.with_name(folder.name + ".partial")
 
 
+def as_expected(status: str, case: "Case", run_name: str) -> str:
+    """The status of a run that did not converge in the light of what the case expects of it."""
+    if status not in ("no_convergence", "expected_failure"):
+        return status
+    return "expected_failure" if case.run_spec(run_name).expect_failure else "no_convergence"
+
+
 # ---------------------------------------------------------------------------------------------- writing
 
 
@@ -183,8 +190,7 @@ class RunWriter:
 
     def _drop_what_came_after(self, step: int) -> None:
         """Increments and snapshots younger than the checkpoint will be computed again."""
-        lines = (self.partial / "history.csv").read_text(encoding="utf-8").splitlines(keepends=True)
-        write_text(self.partial / "history.csv", "".join(lines[: step + 2]))
+        write_text(self.partial / "history.csv", "".join(_history_until(self.partial, step)))
         self._rows = step + 1
         if (self.partial / "fields" / "index.csv").exists():
             index = pd.read_csv(self.partial / "fields" / "index.csv")
@@ -256,6 +262,8 @@ class RunWriter:
 
     def _write_checkpoint(self, discretisation: Discretisation) -> None:
         assert self._last is not None
+        with writing(self.partial / "history.csv"):  # no checkpoint ahead of its history
+            os.fsync(self._history.fileno())
         costs = discretisation.costs
         checkpoint = Checkpoint(
             made_by=self._made_by,
@@ -293,6 +301,25 @@ class RunWriter:
         write_text(self.partial / "run.json", json.dumps(info | {"increments": self._rows}, indent=2) + "\n")
         (self.partial / "writer.json").unlink(missing_ok=True)
         replace_folder(self.partial, self.folder)
+
+
+def _history_until(partial: Path, step: int) -> list[str]:
+    """Lines of an unfinished history up to a step, the head included; OSError or ValueError where it is not whole."""
+    lines = (partial / "history.csv").read_text(encoding="utf-8").splitlines(keepends=True)[: step + 2]
+    if len(lines) < step + 2 or not lines[-1].endswith("\n") or lines[-1].split(",")[0] != str(step):
+        raise ValueError(f"{partial / 'history.csv'} ends before step {step}")
+    return lines
+
+
+def unfinished_checkpoint(folder: Path) -> Checkpoint | None:
+    """The checkpoint of a run that was stopped, where it is whole and its history reaches to it."""
+    partial = partial_folder(folder)
+    try:
+        saved = Checkpoint.read(partial / "checkpoint.npz")
+        _history_until(partial, saved.increment.step)
+    except BROKEN_CHECKPOINT:
+        return None
+    return saved
 
 
 def _this_process() -> dict[str, float]:
@@ -382,7 +409,7 @@ class RunFolder:
 
     @property
     def good(self) -> bool:
-        """True when the run went to its end or broke the specimen through."""
+        """True when the run went to its end, broke the specimen through, or failed as the case expects."""
         return self.info["status"] in GOOD_STATUSES
 
     @cached_property

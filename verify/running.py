@@ -16,15 +16,15 @@ from cases import Case, CaseError, load_case
 from numerics.costs import Costs
 from verify.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.run_folder import (
-    BROKEN_CHECKPOINT,
     Checkpoint,
     Discretisation,
     RunFolder,
     RunFolderError,
     RunWriter,
     WriteError,
-    partial_folder,
+    as_expected,
     run_path,
+    unfinished_checkpoint,
 )
 
 if TYPE_CHECKING:
@@ -87,17 +87,16 @@ def up_to_date(case: Case, folder: Path) -> RunFolder | None:
         finished = RunFolder(folder)
     except RunFolderError:
         return None
+    if finished.info["status"] != as_expected(finished.info["status"], case, finished.info["run"]):
+        return None
     same = finished.info["case_hash"] == case.hash() and finished.info.get("source_hash") == source_hash()
     return finished if same and finished.info["status"] in REPEATABLE_STATUSES else None
 
 
 def unfinished(case: Case, folder: Path) -> Checkpoint | None:
     """The checkpoint of an unfinished run of the same case by the same code, if there is one."""
-    try:
-        saved = Checkpoint.read(partial_folder(folder) / "checkpoint.npz")
-    except BROKEN_CHECKPOINT:
-        return None
-    return saved if saved.made_by == _identity(case) else None
+    saved = unfinished_checkpoint(folder)
+    return saved if saved is not None and saved.made_by == _identity(case) else None
 
 
 def _identity(case: Case) -> str:
@@ -151,8 +150,8 @@ def _compute(
     from numerics.threads import use_threads
 
     use_threads(threads)
+    files = RunWriter(folder, case.output.snapshots, _identity(case), after)
     try:
-        files = RunWriter(folder, case.output.snapshots, _identity(case), after)
         with files as writer, PeakMemory() as memory:
             attempt = _Attempt(case, run_name, writer, listener, after)
             attempt.solve()
@@ -161,7 +160,7 @@ def _compute(
             writer.finish(info, attempt.crack_path)
     except KeyboardInterrupt as stopped:
         raise InterruptedRunError(
-            f"Stopped: what was computed so far is in {writer.partial} and will not be taken for a result; "
+            f"Stopped: what was computed so far is in {files.partial} and will not be taken for a result; "
             "`verify run` with --resume goes on from its last checkpoint."
         ) from stopped
     return RunFolder(folder)
@@ -234,8 +233,6 @@ class _Attempt:
                 self.writer.increment(increment, discretisation)
             if self.listener is not None:
                 self.listener(increment)
-        if self.status == "no_convergence" and self.case.run_spec(self.run_name).expect_failure:
-            self.status = "expected_failure"
         self.seconds["increments"] = time.perf_counter() - started
 
     def _look_at_last_state(self, discretisation: Discretisation) -> None:
@@ -254,7 +251,7 @@ class _Attempt:
             "tier": self.case.tier,
             "run": self.run_name,
             "solver": self.case.run_spec(self.run_name).solver,
-            "status": self.status,
+            "status": as_expected(self.status, self.case, self.run_name),
             "reason": self.reason,
             "case_hash": self.case.hash(),
             "code_version": code_version(),
