@@ -18,16 +18,13 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from verify import crack_path as paths
-from verify import curves
+from verify import curves, dynamics
 from verify.curves import Array, Curve, CurveComparison
 from verify.energy_release import energy_release_rate
+from verify.errors import MetricError
 
 if TYPE_CHECKING:
     from cases import Case
-
-
-class MetricError(ValueError):
-    """A metric that a run cannot give; the message is one sentence: metric or run, what is wrong, remedy."""
 
 
 class RunData(Protocol):
@@ -324,10 +321,20 @@ METRICS = _registry(
     Metric("tip_x", "length", "x of the crack tip", _of_crack(lambda path: paths.tip_position(path)[0])),
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
+    Metric("period", "time", "mean period of an oscillation", dynamics.period),
+    Metric("period_error", "number", "relative error of the vibrating bar's period", dynamics.period_error),
+    Metric("energy_drift", "number", "trend of the energy while a wave crosses a length", dynamics.energy_drift),
+    Metric("energy_left", "number", "energy at the end over that at the start", dynamics.energy_left),
+    Metric("momentum_drift", "number", "largest change of the whole momentum", dynamics.momentum_drift),
+    Metric("travel", "length", "way of a body's centre of mass", dynamics.travel),
+    Metric("angular_velocity", "rate", "angular velocity of a body", dynamics.angular_velocity),
+    Metric("contact_start", "time", "when two bodies begin to push", dynamics.contact_start),
+    Metric("contact_violations", "number", "nodes at which contact conditions failed", dynamics.contact_violations),
     _measured("constraint_error", "largest violation of a constraint"),
     _measured("element_quality", "least scaled Jacobian of the moved elements"),
     _measured("profile_error", "error of the phase-field profile"),
     _measured("l2_error_displacement", "relative L2 error of the displacement"),
+    _measured("l2_error_stress", "relative L2 error of the stress"),
     _measured("l2_error_phase_field", "relative L2 error of the phase field"),
 )
 
