@@ -114,7 +114,10 @@ SOLUTIONS: dict[str, ExactSolution] = {
     "at2_profile": ExactSolution(phase_field=_at2_profile, fracture_energy=_at2_energy),
     "homogeneous_bar": ExactSolution(force=_bar_force, phase_field_minimum=_bar_phase_field),
     "vibrating_bar": ExactSolution(velocity=exact_motion.bar_velocity, values={"period": exact_motion.bar_period}),
-    "spinning_disc": ExactSolution(strain=exact_motion.spinning_strain, stress=exact_motion.spinning_stress),
+    "spinning_disc": ExactSolution(
+        displacement=exact_motion.spinning_displacement, strain=exact_motion.spinning_strain,
+        stress=exact_motion.spinning_stress,
+    ),
     "sliding_block": ExactSolution(values={"travel": exact_motion.sliding_distance}),
     "rolling_cylinder": ExactSolution(
         values={"travel": exact_motion.rolling_distance, "angular_velocity": exact_motion.rolling_spin}

@@ -15,7 +15,7 @@ from cases import Case
 from .elasticity import in_plane_first_lame
 
 #: stress locked into the spinning disc, over Young's modulus
-LOCKED_STRESS = 0.005
+LOCKED_STRESS = 0.03
 
 
 def _material(case: Case, body: Any):
@@ -96,6 +96,14 @@ def _turned(stress: NDArray, angle: NDArray | float) -> NDArray:
     c, s = np.cos(2.0 * angle), np.sin(2.0 * angle)
     turned = c * half - s * shear
     return np.column_stack([mean + turned, mean - turned, s * half + c * shear])
+
+
+def spinning_displacement(case: Case, points: NDArray, time: float) -> NDArray:
+    """Displacement (n, 2) of points (n, 2) of the disc at the start: a rigid turn."""
+    body, _ = _first(case)
+    assert body.shape is not None and body.shape.disc is not None
+    arm = points - np.asarray(body.shape.disc.centre)
+    return _turned_places(arm, body.velocity_gradient[1][0] * time) - arm
 
 
 def spinning_strain(case: Case, points: NDArray, time: float) -> NDArray:
