@@ -149,14 +149,15 @@ def _plan_table(planned: Any) -> Table:
     table = Table(
         "what", "value", title=f"{planned.case} · {planned.tier} · {planned.run}", title_justify="left"
     )
-    increments = f"{planned.increments}" + (" or more, adaptive" if planned.adaptive else ", constant")
+    adapts = " or more, adaptive" if planned.adaptive else ", constant"
+    increments = f"{planned.increments}{adapts}, about {planned.iterations} staggered iterations each"
     rows = {
         "solver": f"{planned.solver}: {planned.basis}",
         "notch": planned.notches,
         "cells": f"{planned.cells}",
         "points": f"{planned.points}",
         "unknowns": f"{planned.unknowns_displacement} of u, {planned.unknowns_phase_field} of c",
-        "increments": f"{increments}, about {planned.iterations} staggered iterations each",
+        "increments": f"{planned.increments} equal steps in time" if planned.explicit else increments,
         "memory": f"about {planned.memory_mb:.0f} MB",
         "time": f"about {planned.seconds:.0f} s",
     }

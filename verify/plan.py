@@ -48,6 +48,7 @@ class Plan:
     unknowns_displacement: int
     unknowns_phase_field: int
     increments: int
+    explicit: bool
     adaptive: bool
     iterations: int
     memory_mb: float
@@ -83,6 +84,7 @@ def plan(case: Case, run_name: str) -> Plan:
         unknowns_displacement=unknowns,
         unknowns_phase_field=functions if breakable else 0,
         increments=steps,
+        explicit=case.dynamics is not None,
         adaptive=case.load.adaptive and not case.dynamics,
         iterations=iterations,
         memory_mb=_memory_mb(unknowns, points, order),
