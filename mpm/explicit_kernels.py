@@ -89,15 +89,7 @@ def turned_strain(exx, eyy, gxy, l00, l01, l10, l11, corotational):
     return mean + turned + m00, mean - turned + m11, 2.0 * sheared + m01 + m10
 
 
-@cache
-def kernels(order: int) -> SimpleNamespace:
-    """Compiled loops for splines of an order.
-
-    Common arguments: ``strips`` (n_strips + 1,) first point of each strip; ``x, y`` positions of a body's points in
-    cells from the lower corner of its window; ``width`` nodes of the window in y; arrays over nodes are flat.
-    """
-    k = order + 1  # the closures' only variable, so that compiled code can be kept on disk
-
+def _to_grid(k):
     @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
     def to_grid(strips, x, y, vx, vy, mass, volume, sxx, syy, sxy, over_h, width, m, px, py, fx, fy):
         """Masses (Eq. 3.58), momenta (6.24) and minus internal forces (6.25) of the nodes."""
@@ -124,6 +116,10 @@ def kernels(order: int) -> SimpleNamespace:
                             fx[first + b] -= fxx_a * wy[b] + fxy_a * dy[b]
                             fy[first + b] -= fyx_a * wy[b] + fyy_a * dy[b]
 
+    return to_grid
+
+
+def _affine_to_grid(k):
     @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
     def affine_to_grid(strips, x, y, mass, cxx, cxy, cyx, cyy, h, width, px, py):
         """Momenta of the points' velocity gradients c about the points, added to those of the nodes."""
@@ -143,6 +139,10 @@ def kernels(order: int) -> SimpleNamespace:
                             px[first + b] += w * (cxx[p] * off_x + cxy[p] * off_y)
                             py[first + b] += w * (cyx[p] * off_x + cyy[p] * off_y)
 
+    return affine_to_grid
+
+
+def _momentum_to_grid(k):
     @njit(cache=True, parallel=True)
     def momentum_to_grid(strips, x, y, vx, vy, mass, width, px, py):
         """Momenta of the nodes (Eq. 6.24) alone."""
@@ -161,6 +161,10 @@ def kernels(order: int) -> SimpleNamespace:
                             px[first + b] += mx * wy[b]
                             py[first + b] += my * wy[b]
 
+    return momentum_to_grid
+
+
+def _velocities(k):
     @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
     def velocities(strips, x, y, vx, vy, grid_vx, grid_vy, grid_dx, grid_dy, width, flip, moved_x, moved_y, fastest):
         """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45).
@@ -191,6 +195,10 @@ def kernels(order: int) -> SimpleNamespace:
                     largest = np.inf
             fastest[strip] = largest
 
+    return velocities
+
+
+def _strains(k):
     @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
     def strains(
         strips, x, y, grid_vx, grid_vy, width, factor, corotational, affine,
@@ -223,6 +231,10 @@ def kernels(order: int) -> SimpleNamespace:
                 x[p] += factor * moved_x[p]
                 y[p] += factor * moved_y[p]
 
+    return strains
+
+
+def _mass_slopes(k):
     @njit(cache=True, parallel=True)
     def mass_slopes(strips, x, y, mass, cell_touches, width, slope_x, slope_y):
         """Gradients of the mass (Eq. 6.33) at the nodes of the marked cells, times the spacing."""
@@ -242,6 +254,10 @@ def kernels(order: int) -> SimpleNamespace:
                             slope_x[first + b] += mass[p] * dx[a] * wy[b]
                             slope_y[first + b] += mass[p] * wx[a] * dy[b]
 
+    return mass_slopes
+
+
+def _reaches(k):
     @njit(cache=True, parallel=True)
     def reaches(strips, x, y, size_x, size_y, cell_touches, width, normal_x, normal_y, reach):
         """Largest place along the nodes' normals to which the points beside them reach, from the nodes, in cells."""
@@ -265,6 +281,10 @@ def kernels(order: int) -> SimpleNamespace:
                             along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
                             reach[node] = max(reach[node], along)
 
+    return reaches
+
+
+def _spread(k):
     @njit(cache=True)
     def spread(x, y, force_x, force_y, width, fx, fy):
         """Add forces at places to the nodes."""
@@ -278,10 +298,31 @@ def kernels(order: int) -> SimpleNamespace:
                     fx[(i + a) * width + j + b] += wx[a] * wy[b] * force_x[p]
                     fy[(i + a) * width + j + b] += wx[a] * wy[b] * force_y[p]
 
-    return SimpleNamespace(
-        to_grid=to_grid, affine_to_grid=affine_to_grid, momentum_to_grid=momentum_to_grid, velocities=velocities,
-        strains=strains, mass_slopes=mass_slopes, reaches=reaches, spread=spread,
-    )  # fmt: skip
+    return spread
+
+
+#: what makes each loop for k = order + 1 functions in each direction; k is the closures' only variable, so that compiled
+#: code can be kept on disk
+_MAKERS = (
+    _to_grid,
+    _affine_to_grid,
+    _momentum_to_grid,
+    _velocities,
+    _strains,
+    _mass_slopes,
+    _reaches,
+    _spread,
+)
+
+
+@cache
+def kernels(order: int) -> SimpleNamespace:
+    """Compiled loops for splines of an order, by their names.
+
+    Common arguments: ``strips`` (n_strips + 1,) first point of each strip; ``x, y`` positions of a body's points in
+    cells from the lower corner of its window; ``width`` nodes of the window in y; arrays over nodes are flat.
+    """
+    return SimpleNamespace(**{make.__name__.removeprefix("_"): make(order + 1) for make in _MAKERS})
 
 
 @njit(cache=True, parallel=True)
