@@ -67,17 +67,18 @@ def gather_at_nodes(starts, members, local, total):
 
 
 @njit(cache=True, parallel=True)
-def raise_history(
-    psi, committed, phase_field, reaction_at_solution, drive, resistance, irreversible, history, hot, tolerance
-):
-    """History field (n_el, n_gauss) and the elements (n_el,) where the phase field would change by the tolerance."""
+def raise_history(psi, committed, phase_field, at_solution, drive, resistance, irreversible, history, change):
+    """History field (n_el, n_gauss), and the largest change of the phase field to expect in each element (n_el,).
+
+    ``at_solution`` (n_el, n_gauss) is the history field for which the phase field was solved.
+    """
     for e in prange(psi.shape[0]):
-        moves = False
+        largest = 0.0
         for q in range(psi.shape[1]):
             value = psi[e, q, 0]
             if irreversible and committed[e, q] > value:
                 value = committed[e, q]
             history[e, q] = value
             reaction = drive[e] * value + resistance[e]
-            moves |= abs(reaction - reaction_at_solution[e, q]) * phase_field[e, q] > tolerance * reaction
-        hot[e] = moves
+            largest = max(largest, drive[e] * abs(value - at_solution[e, q]) * phase_field[e, q] / reaction)
+        change[e] = largest

@@ -1,8 +1,8 @@
 """The phase field in small time steps: solved only around the cells where it can change.
 
-The cells are kept in square blocks. A block with a cell whose phase field would change, and its eight neighbours, make the
-window; outside it the phase field stays, and it is held at nodes that cells outside the window share. What a change
-leaves behind at the window's rim has decayed by exp(-BLOCK / (2 l0)).
+The cells are kept in square blocks. Blocks with a cell whose phase field would change by more than a tolerance make the
+window, and where the change is larger, two rings of blocks around them; outside it the phase field stays, and it is held at
+nodes that cells outside the window share. What a large change leaves out has decayed by exp(-RINGS BLOCK l0 / (2 l0)).
 """
 
 from __future__ import annotations
@@ -17,8 +17,12 @@ from scipy.ndimage import binary_dilation
 from .linear_solvers import LinearSolverError
 
 #: side of a block in multiples of l0
-BLOCK = 8.0
-#: relative residual of the solution: changes of c below a thousandth of the window's tolerance are not felt
+BLOCK = 4.0
+#: rings of blocks that a large change reaches
+RINGS = 2
+#: changes above this many tolerances are felt in the blocks around
+FAR = 2.0
+#: largest change of the phase field that the solution may leave out
 RESIDUAL = 1e-5
 
 
@@ -48,26 +52,29 @@ class Blocks:
     centres : (n_cells, 2) [length].
     nodes : (n_cells, k) of each cell.
     n_nodes : number of all nodes.
+    breakable : (n_cells,) cells that take part.
     size : side of a block [length].
     """
 
-    def __init__(self, centres: NDArray, nodes: NDArray, n_nodes: int, size: float) -> None:
+    def __init__(self, centres: NDArray, nodes: NDArray, n_nodes: int, breakable: NDArray, size: float) -> None:
         place = np.floor((centres - centres.min(axis=0)) / size).astype(np.int64)
         self._shape = tuple(place.max(axis=0) + 1)
         self._block = place[:, 0] * self._shape[1] + place[:, 1]
-        self._members = np.argsort(self._block, kind="stable")
+        taking_part = np.flatnonzero(breakable)
+        self._members = taking_part[np.argsort(self._block[taking_part], kind="stable")]
         self._starts = np.searchsorted(self._block[self._members], np.arange(self._shape[0] * self._shape[1] + 1))
         self._nodes = nodes
-        self._shared_by = np.bincount(nodes.ravel(), minlength=n_nodes).astype(np.int32)
+        self._shared_by = np.bincount(nodes[breakable].ravel(), minlength=n_nodes)
         self._place = np.full(n_nodes, -1, dtype=np.int32)
 
-    def around(self, hot: NDArray) -> Window | None:
-        """The window around the hot cells (n_cells,), None where there are none."""
-        if not hot.any():
+    def around(self, change: NDArray, tolerance: float) -> Window | None:
+        """The window for expected changes of the phase field (n_cells,), None where all are within the tolerance."""
+        blocks, wide = np.zeros(self._shape, bool), np.zeros(self._shape, bool)
+        blocks.ravel()[self._block[change > tolerance]] = True
+        wide.ravel()[self._block[change > FAR * tolerance]] = True
+        chosen = np.flatnonzero(blocks | binary_dilation(wide, np.ones((3, 3), bool), iterations=RINGS))
+        if not len(chosen):
             return None
-        blocks = np.zeros(self._shape, bool)
-        blocks.ravel()[self._block[hot]] = True
-        chosen = np.flatnonzero(binary_dilation(blocks, np.ones((3, 3), bool)))
         cells = np.concatenate([self._members[self._starts[b] : self._starts[b + 1]] for b in chosen])
         corners = self._nodes[cells]
         nodes, corners, count = _compact(corners, self._place)

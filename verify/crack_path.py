@@ -326,7 +326,8 @@ class _Skeleton:
     def ways_to_other_ends(self, path: list[int], shortest: float) -> list[list[int]]:
         """Ways from the start of the path to the ends of the branches that leave it, or one another, by more."""
         _, from_start = self._distances([path[0]])
-        known, ends = path, []
+        known = path
+        ends: list[int] = []
         while True:
             distance, previous = self._distances(known)
             node = int(np.argmax(distance))
