@@ -1,8 +1,8 @@
 """The phase field in small time steps: solved only around the cells where it can change.
 
 The cells are kept in square blocks. Blocks with a cell whose phase field would change by more than a tolerance make the
-window, and where the change is larger, two rings of blocks around them; outside it the phase field stays, and it is held at
-nodes that cells outside the window share. What a large change leaves out has decayed by exp(-RINGS BLOCK l0 / (2 l0)).
+window, together with two rings of blocks around them; outside it the phase field stays, and it is held at nodes that
+cells outside the window share. What a change leaves out has decayed by exp(-RINGS BLOCK / 2).
 """
 
 from __future__ import annotations
@@ -18,10 +18,8 @@ from .linear_solvers import LinearSolverError
 
 #: side of a block in multiples of l0
 BLOCK = 4.0
-#: rings of blocks that a large change reaches
+#: rings of blocks that a change reaches
 RINGS = 2
-#: changes above this many tolerances are felt in the blocks around
-FAR = 2.0
 #: largest change of the phase field that the solution may leave out
 RESIDUAL = 1e-5
 
@@ -69,12 +67,12 @@ class Blocks:
 
     def around(self, change: NDArray, tolerance: float) -> Window | None:
         """The window for expected changes of the phase field (n_cells,), None where all are within the tolerance."""
-        blocks, wide = np.zeros(self._shape, bool), np.zeros(self._shape, bool)
-        blocks.ravel()[self._block[change > tolerance]] = True
-        wide.ravel()[self._block[change > FAR * tolerance]] = True
-        chosen = np.flatnonzero(blocks | binary_dilation(wide, np.ones((3, 3), bool), iterations=RINGS))
-        if not len(chosen):
+        changing = change > tolerance
+        if not changing.any():
             return None
+        blocks = np.zeros(self._shape, bool)
+        blocks.ravel()[self._block[changing]] = True
+        chosen = np.flatnonzero(binary_dilation(blocks, np.ones((3, 3), bool), iterations=RINGS))
         cells = np.concatenate([self._members[self._starts[b] : self._starts[b + 1]] for b in chosen])
         corners = self._nodes[cells]
         nodes, corners, count = _compact(corners, self._place)

@@ -43,9 +43,9 @@ class InterruptedRunError(Exception):
 
 
 def _finite_elements(case: Case) -> Discretisation:
-    from fem_reference import FiniteElements
+    from fem_reference import ExplicitFiniteElements, FiniteElements
 
-    return FiniteElements(case)
+    return ExplicitFiniteElements(case) if case.dynamics else FiniteElements(case)
 
 
 def _material_points(case: Case) -> Discretisation:
