@@ -188,10 +188,14 @@ class CaseDescription(Table):
     @property
     def snapshots(self) -> tuple[float, ...]:
         """Load parameters, or times of a dynamic case, at which fields are written."""
-        if self.dynamics is None:
-            return self.output.snapshots
-        evenly = np.linspace(0.0, self.dynamics.end_time, self.output.frames + 1) if self.output.frames else ()
-        return tuple(sorted({*self.output.times, *map(float, evenly)}))
+        return self.output.snapshots if self.dynamics is None else self.output.times
+
+    @property
+    def frame_times(self) -> tuple[float, ...]:
+        """Times at which frames are written, the first and the last one of the run among them; none in statics."""
+        if self.dynamics is None or not self.output.frames:
+            return ()
+        return tuple(map(float, np.linspace(0.0, self.dynamics.end_time, self.output.frames + 1)))
 
     def friction(self, first: int, second: int) -> float:
         """Coulomb's coefficient between two bodies, by their numbers."""

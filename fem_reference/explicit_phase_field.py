@@ -49,8 +49,11 @@ class ElementPhaseField:
     def solve(self, history_field: NDArray, change: NDArray, now: float) -> None:
         """Follow the history field (n_el, n_gauss) where a change (n_el,) of the phase field is expected, Eq. 4.16."""
         window = self._blocks.around(change, self._tolerance) if self.is_solved else None
-        if window is None:
-            return
+        if window is not None:
+            with self._costs.timed("phase_field"):
+                self._solve_in(window, history_field, now)
+
+    def _solve_in(self, window: Window, history_field: NDArray, now: float) -> None:
         local, out_of_balance = self._equations(window, history_field)
         window.free[self._held[window.nodes]] = False
         correct, iterations = correction(window, local, out_of_balance)

@@ -19,15 +19,13 @@ from numpy.typing import ArrayLike
 
 from verify import crack_path as paths
 from verify import curves
+from verify import dynamic_metrics as moving
 from verify.curves import Array, Curve, CurveComparison
 from verify.energy_release import energy_release_rate
+from verify.metric_errors import MetricError
 
 if TYPE_CHECKING:
     from cases import Case
-
-
-class MetricError(ValueError):
-    """A metric that a run cannot give; the message is one sentence: metric or run, what is wrong, remedy."""
 
 
 class RunData(Protocol):
@@ -323,6 +321,21 @@ METRICS = _registry(
     Metric("crack_angle", "degree", "overall direction of the crack path", _of_crack(paths.path_angle)),
     Metric("tip_x", "length", "x of the crack tip", _of_crack(lambda path: paths.tip_position(path)[0])),
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
+    Metric("initiation_time", "time", "when the first point broke", moving.initiation_time),
+    Metric(
+        "stored_energy_at_initiation",
+        "energy",
+        "elastic energy when the first point broke",
+        moving.stored_energy_at_initiation,
+    ),
+    Metric("branching_time", "time", "when the tip first divided", moving.branching_time),
+    Metric("branching_angle", "degree", "angle between the two longest branches", moving.branching_angle),
+    Metric("branch_count", "number", "tips that the crack came to have", moving.branch_count),
+    Metric("tip_speed", "velocity", "largest speed of a crack tip", moving.tip_speed),
+    Metric("fragments", "number", "connected pieces of unbroken material", moving.fragments),
+    Metric("asymmetry", "number", "largest difference of the phase field from its mirror image", moving.asymmetry),
+    Metric("fracture_energy_gain", "energy", "fracture energy since a time", moving.fracture_energy_gain),
+    Metric("phase_field_share", "number", "share of the time that the phase field took", moving.phase_field_share),
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
     _measured("constraint_error", "largest violation of a constraint"),
     _measured("element_quality", "least scaled Jacobian of the moved elements"),
@@ -355,6 +368,12 @@ PAIR_METRICS = _registry(
         "number",
         "largest difference of force up to a displacement, over the peak force",
         curve_max_error_until,
+    ),
+    Metric(
+        "history_difference",
+        "number",
+        "largest difference of a column of the history, over its largest value",
+        moving.history_difference,
     ),
     Metric("path_hausdorff", "length", "largest distance of the crack paths", _of_paths(paths.hausdorff)),
     Metric("path_mean_distance", "length", "mean distance of crack paths", _of_paths(paths.mean_distance)),
