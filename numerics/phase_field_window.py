@@ -22,6 +22,7 @@ BLOCK = 4.0
 RINGS = 2
 #: largest change of the phase field that the solution may leave out
 RESIDUAL = 1e-5
+NOT_FOUND = "the phase field of a time step was not found; its equation holds a value that is not finite"
 
 
 @dataclass(frozen=True)
@@ -199,5 +200,64 @@ def _conjugate_gradients(corners, free, local, parts, tolerance, solution):
         ratio = new / old
         for i in range(size):
             direction[i] = residual[i] / diagonal[i] + ratio * direction[i]
+        old = new
+    return -1
+
+
+def conjugate_gradients(
+    neighbours: NDArray, values: NDArray, diagonal: int, right_side: NDArray, solution: NDArray
+) -> int:
+    """Solve for the phase field in place, from what is in ``solution`` (n,); returns the number of iterations.
+
+    neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : their column of the diagonal.
+    right_side : (n,). Rows without a diagonal entry keep their value.
+    """
+    iterations = _solve_rows(neighbours, values, diagonal, right_side, RESIDUAL, solution)
+    if iterations < 0:
+        raise LinearSolverError(NOT_FOUND)
+    return iterations
+
+
+@njit(cache=True, parallel=True)
+def _row_products(neighbours, values, vector, product):
+    """``vector`` has one entry more, which is zero."""
+    for i in prange(neighbours.shape[0]):
+        total = 0.0
+        for s in range(neighbours.shape[1]):
+            total += values[i, s] * vector[neighbours[i, s]]
+        product[i] = total
+
+
+@njit(cache=True)
+def _solve_rows(neighbours, values, diagonal, right_side, tolerance, solution):
+    n = solution.size
+    direction, product = np.zeros(n + 1), np.empty(n)
+    direction[:n] = solution
+    _row_products(neighbours, values, direction, product)
+    residual, scale = right_side - product, np.empty(n)
+    old = 0.0
+    for i in range(n):
+        d = values[i, diagonal]
+        scale[i] = 1.0 / d if d > 0.0 else 0.0
+        direction[i] = residual[i] * scale[i]
+        old += residual[i] * direction[i]
+    for iteration in range(10 * n + 10):
+        largest = 0.0
+        for i in range(n):
+            largest = max(largest, abs(residual[i] * scale[i]))
+        if largest <= tolerance:
+            return iteration
+        _row_products(neighbours, values, direction, product)
+        step = old / np.dot(direction[:n], product)
+        if not np.isfinite(step):
+            return -1
+        new = 0.0
+        for i in range(n):
+            solution[i] += step * direction[i]
+            residual[i] -= step * product[i]
+            new += residual[i] * residual[i] * scale[i]
+        ratio = new / old
+        for i in range(n):
+            direction[i] = residual[i] * scale[i] + ratio * direction[i]
         old = new
     return -1
