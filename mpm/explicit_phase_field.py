@@ -44,7 +44,7 @@ class PointPhaseField:
         self._keep_nodes()
         solved = binary_dilation(marked, _SQUARE, iterations=RINGS)
         cells = self._cells_of(solved)
-        rows, iterations = self._solve_on(cells)
+        iterations = self._solve_on(cells)
         self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
         inside = np.zeros(len(self._nodal), bool)
         inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS - 1))] = True
@@ -79,8 +79,8 @@ class PointPhaseField:
         i, j = np.nonzero(mask)
         return i * shape[1] + j
 
-    def _solve_on(self, cells: NDArray) -> tuple[NDArray, int]:
-        """Nodal phase field on cells; returns the nodes' rows (n_nodes,), -1 where none, and the iterations."""
+    def _solve_on(self, cells: NDArray) -> int:
+        """Find the nodal phase field on cells; returns the number of iterations."""
         body, p = self._body, self._body.points
         k, width = body.order + 1, body.width
         number = np.full(len(self._nodal), -1, np.int32)
@@ -94,7 +94,7 @@ class PointPhaseField:
         nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)
         return self._solve_rows(nodes_of_cells, local, right_side)
 
-    def _solve_rows(self, nodes_of_cells: NDArray, local: NDArray, right_side: NDArray) -> tuple[NDArray, int]:
+    def _solve_rows(self, nodes_of_cells: NDArray, local: NDArray, right_side: NDArray) -> int:
         order, width = self._body.order, self._body.width
         used = np.zeros(len(self._nodal), bool)
         used[nodes_of_cells.ravel()] = True
@@ -110,7 +110,7 @@ class PointPhaseField:
         solution = self._nodal[nodes]
         iterations = conjugate_gradients(neighbours, values, neighbours.shape[1] // 2, right, solution)
         self._nodal[nodes] = solution
-        return rows, iterations
+        return iterations
 
     def fracture_energy(self) -> float:
         """Energy of the body's cracks [energy] (Eq. 2.49)."""
