@@ -22,7 +22,7 @@ from cases.judging import TIERS, Check, Reference, Run, RunSpec, TierName
 from cases.material import Material
 from cases.notches import Notch
 from cases.numerical import Constraint, Load, Mesh, Mpm, Output, Staggered
-from cases.table import Name, Table, nearest, require_one
+from cases.table import Name, Switch, Table, nearest, require_one
 from cases.units import Length, Rate, Units, Velocity
 
 MESH_SUFFIXES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".mesh", ".xdmf", ".e", ".exo")
@@ -52,6 +52,7 @@ class Body(Table):
     """A body of one material: a shape, or a mesh file with coordinates in the units of the case.
 
     mesh : absolute path
+    rigid : keeps its velocity in a dynamic run, whatever it meets
     velocity : at the start of a dynamic run, at the middle of the body's bounding box [length/time]
     velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]] [1/time]
     """
@@ -59,6 +60,7 @@ class Body(Table):
     material: Name
     shape: Shape | None = None
     mesh: Path | None = None
+    rigid: Switch = False
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
     velocity_gradient: tuple[tuple[Rate, Rate], tuple[Rate, Rate]] = ((0.0, 0.0), (0.0, 0.0))
 

@@ -49,6 +49,27 @@ def place_points(case: Case) -> PointCloud:
     return PointCloud(positions[kept], volume[kept], size[kept], corner[kept], body[kept])
 
 
+def place_in_bodies(case: Case) -> PointCloud:
+    """Points of a case whose bodies move: each body has cells of its own, as many as fit its bounding box.
+
+    The cells are at most h wide, so that a rectangle keeps its area and a symmetric body its symmetry.
+    """
+    clouds = []
+    for number, body in enumerate(case.bodies.values()):
+        lower, upper = body.bounds()
+        n_x, n_y = np.maximum(1, np.ceil((upper - lower) / case.mesh.h - 1e-6)).astype(int)
+        width = (upper - lower) / (n_x, n_y)
+        cells = np.stack(np.meshgrid(np.arange(n_x), np.arange(n_y), indexing="ij"), -1).reshape(-1, 1, 2)
+        local, start, extent = _local_points(case, len(cells))
+        positions = (lower + width * (cells + local)).reshape(-1, 2)
+        size = np.broadcast_to(width * extent, (len(cells), *extent.shape[1:])).reshape(-1, 2)
+        corner = np.broadcast_to(width * (start - local), (len(cells), *extent.shape[1:])).reshape(-1, 2)
+        kept = (case.inside(positions) == number) & ~_in_notch(case, positions)
+        volume = size.prod(axis=1) * case.plane.thickness
+        clouds.append((positions[kept], volume[kept], size[kept], corner[kept], np.full(kept.sum(), number)))
+    return PointCloud(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
+
+
 def _local_points(case: Case, n_cells: int) -> tuple[NDArray, NDArray, NDArray]:
     """Points in the unit cell, lower corners and extents of their rectangles, all (n_cells or 1, n, 2)."""
     per_direction = case.mpm.points_per_cell

@@ -26,6 +26,15 @@ def exact_errors(case: Case, fields: Fields, load: float) -> dict[str, float]:
     return errors
 
 
+def moving_errors(case: Case, fields: Fields) -> dict[str, float]:
+    """Relative L2 error of the stress of moved points at the end of a dynamic run; empty without an exact one."""
+    solution = SOLUTIONS.get(case.exact or "")
+    if solution is None or solution.stress is None or case.dynamics is None:
+        return {}
+    exact = solution.stress(case, fields.points, case.dynamics.end_time)
+    return {"l2_error_stress": _relative_error(fields.stress, exact, fields.volume)}
+
+
 def _relative_error(values: NDArray, exact: NDArray, volume: NDArray) -> float:
     def norm(field: NDArray) -> float:
         return float(np.sqrt(volume @ (field.reshape(len(volume), -1) ** 2).sum(axis=1)))

@@ -26,8 +26,7 @@ class Balance:
     """Energies [energy] and momentum (2,) [force time] of a moving discretisation.
 
     ``external_work`` is that of tractions, gravity and prescribed motions since the start; ``external_power`` is
-    its present rate; ``contact_work`` is what all bodies together have got from contact: what friction and the
-    meeting of the surfaces took, with a minus.
+    its present rate; ``contact_work`` is that of friction between the bodies, at most zero.
     """
 
     elastic: float

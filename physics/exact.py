@@ -20,11 +20,15 @@ Field = Callable[[Case, NDArray, float], NDArray]
 class ExactSolution:
     """What is known exactly of a case; None where nothing is.
 
-    ``force`` is (case, load) -> F; ``phase_field_minimum`` is (case, load) -> smallest c.
+    ``velocity`` (n, 2) and ``strain`` (n, 3; xx, yy, engineering xy) are those at the start of a dynamic case, whose
+    load is the time. ``force`` is (case, load) -> F; ``phase_field_minimum`` is (case, load) -> smallest c.
     """
 
     displacement: Field | None = None
     body_force: Field | None = None
+    velocity: Field | None = None
+    strain: Field | None = None
+    stress: Field | None = None
     phase_field: Field | None = None
     force: Callable[[Case, float], float] | None = None
     phase_field_minimum: Callable[[Case, float], float] | None = None

@@ -50,9 +50,9 @@ def _finite_elements(case: Case) -> Discretisation:
 
 
 def _material_points(case: Case) -> Discretisation:
-    from mpm import MaterialPoints
+    from mpm import ExplicitMaterialPoints, MaterialPoints
 
-    return MaterialPoints(case)
+    return ExplicitMaterialPoints(case) if case.dynamics else MaterialPoints(case)
 
 
 #: what ``solver`` in a case's run stands for; a further solver is one more entry
