@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
@@ -32,7 +34,6 @@ class PointPhaseField:
         self._diffusion, self._toughness = float(of_body.diffusion[0]), float(of_body.toughness[0])
         self._length_scale = float(of_body.length_scale[0])
         self._block = max(1, round(BLOCK * self._length_scale / body.h))
-        self._kernels = phase_field_kernels.kernels(body.order)
         self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
         self._nodal = np.ones(0)
 
@@ -49,8 +50,8 @@ class PointPhaseField:
         inside = np.zeros(len(self._nodal), bool)
         inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS - 1))] = True
         body, p = self._body, self._body.points
-        self._kernels.to_points(
-            body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, p.history, self._toughness,
+        phase_field_kernels.to_points(
+            body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, p.history, self._toughness,
             self._length_scale, now, BROKEN, p.c, p.crack_energy, p.solved_for, p.broken_at,
         )  # fmt: skip
 
@@ -86,8 +87,8 @@ class PointPhaseField:
         number = np.full(len(self._nodal), -1, np.int32)
         number[cells] = np.arange(len(cells), dtype=np.int32)
         local, right_side = np.zeros((len(cells), k * k * (k * k + 1) // 2)), np.zeros((len(cells), k * k))
-        self._kernels.cell_equations(
-            body.strips, p.x, p.y, p.volume, p.history, self._drive, self._resistance, self._diffusion,
+        phase_field_kernels.cell_equations(
+            body.order, body.strips, p.x, p.y, p.volume, p.history, self._drive, self._resistance, self._diffusion,
             1.0 / body.h, width, number, local, right_side,
         )  # fmt: skip
         offsets = (np.arange(k)[:, None] * width + np.arange(k)).ravel()
@@ -115,3 +116,11 @@ class PointPhaseField:
     def fracture_energy(self) -> float:
         """Energy of the body's cracks [energy] (Eq. 2.49)."""
         return float(self._body.points.crack_energy @ self._body.points.volume)
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Where the next solution starts from."""
+        return {"corner": self._window[0], "shape": self._window[1], "nodal": self._nodal}
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to a checkpoint."""
+        self._window, self._nodal = (saved["corner"], saved["shape"]), saved["nodal"].copy()

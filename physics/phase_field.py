@@ -50,10 +50,12 @@ class PhaseFieldCoefficients:
         return self.drive * history_field + self.resistance
 
 
-def initial_history(case: Case, points: NDArray, toughness: NDArray, length_scale: NDArray) -> NDArray:
+def initial_history(
+    case: Case, points: NDArray, toughness: NDArray | float, length_scale: NDArray | float
+) -> NDArray:
     """History field (...) [stress] of the notches of kind "history" at points (..., 2), zero elsewhere.
 
-    toughness, length_scale : of the points' material, (...).
+    toughness, length_scale : of the points' material, (...) or one for all.
     """
     history_field = np.zeros(points.shape[:-1])
     for notch in case.notches:
@@ -65,7 +67,12 @@ def initial_history(case: Case, points: NDArray, toughness: NDArray, length_scal
 
 
 def notch_history(
-    points: NDArray, start: NDArray, end: NDArray, factor: float, toughness: NDArray, length_scale: NDArray
+    points: NDArray,
+    start: NDArray,
+    end: NDArray,
+    factor: float,
+    toughness: NDArray | float,
+    length_scale: NDArray | float,
 ) -> NDArray:
     """Initial history field (...) [stress] that stands for a crack from start to end, Eq. 6.51, at points (..., 2).
 

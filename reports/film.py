@@ -39,8 +39,8 @@ class _View:
         upper = np.array([p.max(axis=0) for p in places]).max(axis=0, keepdims=True)[0]
         margin = 0.02 * (upper - lower).max()
         self.lower, self.upper = lower - margin, upper + margin
-        extent = self.upper - self.lower
-        self.shape: np.ndarray = np.maximum(np.round(PIXELS * extent / extent.max()).astype(int), 1)
+        extent: np.ndarray = self.upper - self.lower
+        self.shape: np.ndarray = np.atleast_1d(np.maximum(np.round(PIXELS * extent / extent.max()).astype(int), 1))
         centres = [self.lower[d] + (np.arange(self.shape[d]) + 0.5) / self.shape[d] * extent[d] for d in (0, 1)]
         self.pixels = np.stack(np.meshgrid(*centres), axis=-1).reshape(-1, 2)
         self.aspect = float(extent[1] / extent[0])
