@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from numerics.costs import Costs
-from numerics.phase_field_window import BLOCK, Blocks, Window, correction
+from numerics.phase_field_window import BLOCK, Blocks, Window, conjugate_gradients, fold
 from physics.elasticity import MaterialTable
 from physics.phase_field import BROKEN, PhaseFieldCoefficients, crack_density
 
@@ -44,6 +44,7 @@ class ElementPhaseField:
             size = BLOCK * float(materials.length_scale[materials.breakable].max())
             centres = basis.gauss_points.mean(axis=1)
             self._blocks = Blocks(centres, basis.elements, len(basis.nodes), breakable, size)
+            self._near, self._own, self._slots = _neighbours(basis.elements, len(basis.nodes))
         costs.count["unknowns_phase_field"] = len(basis.nodes) if self.is_solved else 0
 
     def solve(self, history_field: NDArray, change: NDArray, now: float) -> None:
@@ -55,9 +56,16 @@ class ElementPhaseField:
 
     def _solve_in(self, window: Window, history_field: NDArray, now: float) -> None:
         local, out_of_balance = self._equations(window, history_field)
-        window.free[self._held[window.nodes]] = False
-        correct, iterations = correction(window, local, out_of_balance)
-        self.nodal[window.nodes] += correct
+        nodes = window.nodes[~self._held[window.nodes]]
+        # one row more stands for all nodes that do not take part
+        rows = np.full(len(self.nodal) + 1, len(nodes), np.int32)
+        rows[nodes] = np.arange(len(nodes), dtype=np.int32)
+        values, right_side = np.zeros((len(nodes) + 1, self._near.shape[1])), np.zeros(len(nodes) + 1)
+        cells = window.cells
+        fold(rows[self._basis.elements[cells]], self._slots[cells], local, out_of_balance, values, right_side)
+        correction, near = np.zeros(len(nodes)), rows[self._near[nodes]]
+        iterations = conjugate_gradients(near, values[:-1], self._own[nodes], right_side[:-1], correction)
+        self.nodal[nodes] += correction
         self._map(window.cells)
         self.solved_for[window.cells] = history_field[window.cells]
         broken_at = self.broken_at[window.cells]
@@ -102,3 +110,18 @@ class ElementPhaseField:
         self.nodal, self.solved_for = saved["nodal_phase_field"].copy(), saved["solved_for"].copy()
         self.broken_at = saved["broken_at"].copy()
         self._map(slice(None))
+
+
+def _neighbours(elements: NDArray, n_nodes: int) -> tuple[NDArray, NDArray, NDArray]:
+    """Nodes (n_nodes, s) that share an element with each node, n_nodes where there are fewer; which of them is the node
+    itself (n_nodes,); and which of them each corner is to each corner of an element (n_el, k, k)."""
+    k = elements.shape[1]
+    pairs = np.stack([np.repeat(elements, k, axis=1), np.tile(elements, k)], axis=-1).reshape(-1, 2).astype(np.int64)
+    keys, entry = np.unique(pairs[:, 0] * n_nodes + pairs[:, 1], return_inverse=True)
+    node, neighbour = np.divmod(keys, n_nodes)
+    place = np.arange(len(keys)) - np.searchsorted(node, node)
+    near = np.full((n_nodes, place.max() + 1), n_nodes, np.int32)
+    near[node, place] = neighbour
+    own = np.zeros(n_nodes, np.int64)
+    own[node[node == neighbour]] = place[node == neighbour]
+    return near, own, place[entry].reshape(-1, k, k)

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from cases import Case
 from numerics.costs import Costs
-from numerics.phase_field_window import BLOCK, RINGS, conjugate_gradients
+from numerics.phase_field_window import BLOCK, RINGS, conjugate_gradients, fold
 from physics.elasticity import MaterialTable
 from physics.phase_field import BROKEN, PhaseFieldCoefficients
 
@@ -95,7 +95,8 @@ class PointPhaseField:
         nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)
         return self._solve_rows(nodes_of_cells, local, right_side)
 
-    def _solve_rows(self, nodes_of_cells: NDArray, local: NDArray, right_side: NDArray) -> int:
+    def _solve_rows(self, nodes_of_cells: NDArray, local: NDArray, parts: NDArray) -> int:
+        """Each row couples a node with those up to ``order`` away in both directions."""
         order, width = self._body.order, self._body.width
         used = np.zeros(len(self._nodal), bool)
         used[nodes_of_cells.ravel()] = True
@@ -106,12 +107,20 @@ class PointPhaseField:
         span = np.arange(-order, order + 1)
         near = nodes[:, None] + (span[:, None] * width + span).ravel()
         neighbours = rows[np.clip(near, 0, len(rows) - 1)]
-        values, right = np.zeros(neighbours.shape), np.zeros(len(nodes))
-        phase_field_kernels.fold(nodes_of_cells, local, right_side, order, rows, values, right)
-        solution = self._nodal[nodes]
-        iterations = conjugate_gradients(neighbours, values, neighbours.shape[1] // 2, right, solution)
+        values, right_side = np.zeros((len(nodes) + 1, len(span) ** 2)), np.zeros(len(nodes) + 1)
+        fold(rows[nodes_of_cells], self._slots, local, parts, values, right_side)
+        solution, diagonal = self._nodal[nodes], np.full(len(nodes), len(span) ** 2 // 2)
+        iterations = conjugate_gradients(neighbours, values[:-1], diagonal, right_side[:-1], solution)
         self._nodal[nodes] = solution
         return iterations
+
+    @property
+    def _slots(self) -> NDArray:
+        """Entry (1, k², k²) of a node's row in which another node of the cell stands."""
+        order = self._body.order
+        across, up = (place.ravel() for place in np.indices((order + 1, order + 1)))
+        away = across - across[:, None] + order, up - up[:, None] + order
+        return (away[0] * (2 * order + 1) + away[1])[None]
 
     def fracture_energy(self) -> float:
         """Energy of the body's cracks [energy] (Eq. 2.49)."""

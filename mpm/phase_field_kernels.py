@@ -84,25 +84,3 @@ def mark_changing(strips, x, y, history, solved_for, c, drive, resistance, toler
             rise = drive * abs(history[p] - solved_for[p])
             if rise * c[p] > tolerance * (drive * history[p] + resistance):
                 marked[(int(x[p]) // block) * blocks_in_y + int(y[p]) // block] = True
-
-
-@njit(cache=True)
-def fold(nodes_of_cells, local, right_side, order, rows, values, right):
-    """Sum cells' equations into rows of a stencil: entry (a, b) of a row couples its node to the one (a, b) - order away.
-
-    rows : (n_nodes,) row of each node of the body's window. values : (n_rows, (2 order + 1)²). right : (n_rows,).
-    """
-    k, span = order + 1, 2 * order + 1
-    for cell in range(nodes_of_cells.shape[0]):
-        entry = 0
-        for a in range(k * k):
-            ax, ay = a // k, a % k
-            row = rows[nodes_of_cells[cell, a]]
-            right[row] += right_side[cell, a]
-            for b in range(a, k * k):
-                across, up = b // k - ax + order, b % k - ay + order
-                values[row, across * span + up] += local[cell, entry]
-                if b > a:
-                    other = rows[nodes_of_cells[cell, b]]
-                    values[other, (2 * order - across) * span + 2 * order - up] += local[cell, entry]
-                entry += 1

@@ -27,20 +27,10 @@ NOT_FOUND = "the phase field of a time step was not found; its equation holds a 
 
 @dataclass(frozen=True)
 class Window:
-    """Cells to solve on.
-
-    Attributes
-    ----------
-    cells : (m,) their numbers.
-    nodes : (n,) numbers of the nodes that they have.
-    corners : (m, k) their nodes as places in ``nodes``.
-    free : (n,) nodes whose phase field is unknown.
-    """
+    """Cells (m,) to solve on and the nodes (n,) whose phase field is unknown: those of no other cell."""
 
     cells: NDArray
     nodes: NDArray
-    corners: NDArray
-    free: NDArray
 
 
 class Blocks:
@@ -64,7 +54,6 @@ class Blocks:
         self._starts = np.searchsorted(self._block[self._members], np.arange(self._shape[0] * self._shape[1] + 1))
         self._nodes = nodes
         self._shared_by = np.bincount(nodes[breakable].ravel(), minlength=n_nodes)
-        self._place = np.full(n_nodes, -1, dtype=np.int32)
 
     def around(self, change: NDArray, tolerance: float) -> Window | None:
         """The window for expected changes of the phase field (n_cells,), None where all are within the tolerance."""
@@ -75,142 +64,41 @@ class Blocks:
         blocks.ravel()[self._block[changing]] = True
         chosen = np.flatnonzero(binary_dilation(blocks, np.ones((3, 3), bool), iterations=RINGS))
         cells = np.concatenate([self._members[self._starts[b] : self._starts[b + 1]] for b in chosen])
-        corners = self._nodes[cells]
-        nodes, corners, count = _compact(corners, self._place)
-        return Window(cells, nodes, corners, count == self._shared_by[nodes])
+        shared_here = np.bincount(self._nodes[cells].ravel(), minlength=len(self._shared_by))
+        return Window(cells, np.flatnonzero((shared_here > 0) & (shared_here == self._shared_by)))
 
 
 @njit(cache=True)
-def _compact(corners, place):
-    """Nodes in order of first appearance, corners as places among them, and how many cells of the window share each."""
-    nodes = np.empty(corners.size, np.int64)
-    count = np.zeros(corners.size, np.int32)
-    local = np.empty_like(corners)
-    n = 0
-    for e in range(corners.shape[0]):
-        for a in range(corners.shape[1]):
-            node = corners[e, a]
-            if place[node] < 0:
-                place[node], nodes[n] = n, node
-                n += 1
-            local[e, a] = place[node]
-            count[place[node]] += 1
-    for i in range(n):
-        place[nodes[i]] = -1
-    return nodes[:n], local, count[:n]
+def fold(rows_of_cells, slots, local, parts, values, right_side):
+    """Add cells' equations to rows with a fixed number of entries, in the order of the cells.
 
-
-def correction(window: Window, local: NDArray, out_of_balance: NDArray) -> tuple[NDArray, int]:
-    """Solve for the change of the nodal phase field in a window, zero where it is held.
-
-    Conjugate gradients with the diagonal as preconditioner, cell by cell, from zero: the change is small in a time step.
-
-    Parameters
-    ----------
-    local : (m, k (k + 1) / 2) upper halves of the cells' matrices.
-    out_of_balance : (m, k) the cells' residuals with their sign turned.
-
-    Returns
-    -------
-    change (n,) of the window's nodes, and the number of iterations.
+    rows_of_cells : (m, k) row of each node, n_rows for none. slots : (m or 1, k, k) entry of its row in which a node
+    couples with another one. local : (m, k (k + 1) / 2) upper halves. parts : (m, k) of the right side.
+    values : (n_rows + 1, s) and right_side : (n_rows + 1,), the last row to be ignored.
     """
-    change = np.zeros(len(window.nodes))
-    iterations = _conjugate_gradients(window.corners, window.free, local, out_of_balance, RESIDUAL, change)
-    if iterations < 0:
-        raise LinearSolverError(
-            "the phase field of a time step was not found; its equation holds a value that is not finite"
-        )
-    return change, iterations
-
-
-@njit(cache=True, parallel=True)
-def _cell_products(corners, local, vector, products):
-    k = corners.shape[1]
-    for e in prange(corners.shape[0]):
-        for a in range(k):
-            products[e, a] = 0.0
+    k = rows_of_cells.shape[1]
+    last = slots.shape[0] - 1
+    for cell in range(rows_of_cells.shape[0]):
+        slot = slots[min(cell, last)]
         entry = 0
         for a in range(k):
-            xa = vector[corners[e, a]]
-            total = local[e, entry] * xa
+            row = rows_of_cells[cell, a]
+            right_side[row] += parts[cell, a]
+            values[row, slot[a, a]] += local[cell, entry]
             entry += 1
             for b in range(a + 1, k):
-                total += local[e, entry] * vector[corners[e, b]]
-                products[e, b] += local[e, entry] * xa
+                values[row, slot[a, b]] += local[cell, entry]
+                values[rows_of_cells[cell, b], slot[b, a]] += local[cell, entry]
                 entry += 1
-            products[e, a] += total
-
-
-@njit(cache=True)
-def _add_up(corners, parts, free, total):
-    """Sum of the cells' vectors at the free nodes, in the order of the cells."""
-    total[:] = 0.0
-    for e in range(corners.shape[0]):
-        for a in range(corners.shape[1]):
-            total[corners[e, a]] += parts[e, a]
-    for i in range(total.size):
-        if not free[i]:
-            total[i] = 0.0
-
-
-@njit(cache=True)
-def _diagonal(corners, local, free, diagonal):
-    diagonal[:] = 0.0
-    k = corners.shape[1]
-    for e in range(corners.shape[0]):
-        entry = 0
-        for a in range(k):
-            diagonal[corners[e, a]] += local[e, entry]
-            entry += k - a
-    for i in range(diagonal.size):
-        # nodes that are held, and those without stiffness, do not take part
-        if not free[i] or diagonal[i] <= 0.0:
-            diagonal[i] = np.inf
-
-
-@njit(cache=True)
-def _conjugate_gradients(corners, free, local, parts, tolerance, solution):
-    """From zero, in place; returns the iterations, or -1 without convergence.
-
-    A residual weighted by the diagonal is a change of the phase field: the largest one stops the iteration.
-    """
-    size = solution.size
-    residual, diagonal, product = np.empty(size), np.empty(size), np.empty(size)
-    products = np.empty(corners.shape)
-    _add_up(corners, parts, free, residual)
-    _diagonal(corners, local, free, diagonal)
-    direction = residual / diagonal
-    old = np.dot(residual, direction)
-    for iteration in range(10 * size + 10):
-        largest = 0.0
-        for i in range(size):
-            largest = max(largest, abs(residual[i] / diagonal[i]))
-        if largest <= tolerance:
-            return iteration
-        _cell_products(corners, local, direction, products)
-        _add_up(corners, products, free, product)
-        step = old / np.dot(direction, product)
-        if not np.isfinite(step):
-            return -1
-        new = 0.0
-        for i in range(size):
-            solution[i] += step * direction[i]
-            residual[i] -= step * product[i]
-            new += residual[i] * residual[i] / diagonal[i]
-        ratio = new / old
-        for i in range(size):
-            direction[i] = residual[i] / diagonal[i] + ratio * direction[i]
-        old = new
-    return -1
 
 
 def conjugate_gradients(
-    neighbours: NDArray, values: NDArray, diagonal: int, right_side: NDArray, solution: NDArray
+    neighbours: NDArray, values: NDArray, diagonal: NDArray, right_side: NDArray, solution: NDArray
 ) -> int:
     """Solve for the phase field in place, from what is in ``solution`` (n,); returns the number of iterations.
 
-    neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : their column of the diagonal.
-    right_side : (n,). Rows without a diagonal entry keep their value.
+    neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
+    the diagonal. right_side : (n,). Rows without a diagonal entry keep their value.
     """
     iterations = _solve_rows(neighbours, values, diagonal, right_side, RESIDUAL, solution)
     if iterations < 0:
@@ -237,7 +125,7 @@ def _solve_rows(neighbours, values, diagonal, right_side, tolerance, solution):
     residual, scale = right_side - product, np.empty(n)
     old = 0.0
     for i in range(n):
-        d = values[i, diagonal]
+        d = values[i, diagonal[i]]
         scale[i] = 1.0 / d if d > 0.0 else 0.0
         direction[i] = residual[i] * scale[i]
         old += residual[i] * direction[i]
