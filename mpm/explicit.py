@@ -92,7 +92,7 @@ class ExplicitMaterialPoints:
     def _break_notches(self) -> None:
         """Phase field and stresses at the start."""
         for phase_field in self.phase_fields:
-            phase_field.solve(0.0)
+            phase_field.solve(0.0, everywhere=True)
         for body in self._moving:
             body.evaluate_stresses()
 

@@ -23,7 +23,7 @@ _SQUARE = np.ones((3, 3), bool)
 class PointPhaseField:
     """The phase field of one body (Eq. 4.16), solved on blocks of cells around the points where it would change.
 
-    Nothing is held at the rim of the blocks, where the solution is cut off; its outermost ring of blocks is solved for
+    Nothing is held at the rim of the blocks, where the solution is cut off; one further ring of blocks is solved for
     and forgotten. The nodal values are kept as the start of the next solution.
     """
 
@@ -37,18 +37,19 @@ class PointPhaseField:
         self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
         self._nodal = np.ones(0)
 
-    def solve(self, now: float) -> None:
+    def solve(self, now: float, everywhere: bool = False) -> None:
         """Write the body's ``points.c`` for its ``points.history``, at the points' present places."""
         marked = self._changing_blocks()
+        marked[:] |= everywhere
         if not marked.any():
             return
         self._keep_nodes()
-        solved = binary_dilation(marked, _SQUARE, iterations=RINGS)
+        solved = binary_dilation(marked, _SQUARE, iterations=RINGS + 1)
         cells = self._cells_of(solved)
         iterations = self._solve_on(cells)
         self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
         inside = np.zeros(len(self._nodal), bool)
-        inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS - 1))] = True
+        inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS))] = True
         body, p = self._body, self._body.points
         phase_field_kernels.to_points(
             body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, p.history, self._toughness,

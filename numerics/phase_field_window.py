@@ -1,7 +1,7 @@
 """The phase field in small time steps: solved only around the cells where it can change.
 
 The cells are kept in square blocks. Blocks with a cell whose phase field would change by more than a tolerance make the
-window, together with two rings of blocks around them; outside it the phase field stays, and it is held at nodes that
+window, together with four rings of blocks around them; outside it the phase field stays, and it is held at nodes that
 cells outside the window share. What a change leaves out has decayed by exp(-RINGS BLOCK / 2).
 """
 
@@ -17,9 +17,9 @@ from scipy.ndimage import binary_dilation
 from .linear_solvers import LinearSolverError
 
 #: side of a block in multiples of l0
-BLOCK = 4.0
+BLOCK = 2.0
 #: rings of blocks that a change reaches
-RINGS = 2
+RINGS = 4
 #: largest change of the phase field that the solution may leave out
 RESIDUAL = 1e-5
 NOT_FOUND = "the phase field of a time step was not found; its equation holds a value that is not finite"

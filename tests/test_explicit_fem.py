@@ -133,11 +133,8 @@ def test_the_first_phase_field_is_that_of_the_quasi_static_solver(tmp_path):
     text = "\n".join([*lines, "    load = { path = [0.0] }"])
     reference = FiniteElements(case_of(tmp_path, text))
     expected = reference.solve_phase_field(reference.history_field)
-    found = body.fields().phase_field
-    near = np.abs(body.fields().reference - [5.0, 10.0]).max(axis=1) < 4.0
-    np.testing.assert_allclose(found[near], expected[near], atol=1e-3)
-    # beyond the window a fiftieth of the change is left out
-    np.testing.assert_allclose(found, expected, atol=5e-3)
+    assert expected.min() < 0.05
+    np.testing.assert_allclose(body.fields().phase_field, expected, atol=2e-4)
 
 
 def test_a_window_gives_the_fracture_energy_of_the_whole(tmp_path):
