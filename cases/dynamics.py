@@ -33,7 +33,7 @@ class Dynamics(Table):
     time_step_share: Annotated[Number, Field(gt=0)] = 0.8
     gravity: tuple[Acceleration, Acceleration] = (0.0, 0.0)
     flip: Annotated[Number, Field(ge=0, le=1)] = 1.0
-    order_of_update: Literal["musl", "usl"] = "musl"
+    order_of_update: Literal["musl", "usl"] = "usl"
     rotation: Literal["additive", "corotational"] = "corotational"
 
     @model_validator(mode="after")

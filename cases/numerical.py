@@ -152,7 +152,8 @@ class Mpm(Table):
     Attributes
     ----------
     order : polynomial order of the B-splines
-    placement : of the points in their cells: on Gauss points, regularly, or at random
+    placement : of the points in their cells: on Gauss points, regularly, or at random; in dynamics also on the
+        circles of discs and rings, other bodies having regular ones
     points_per_cell : per direction
     constraints_on : the edges of the points at the boundary or the points themselves, both by a penalty, or
         the nodes of the grid
@@ -165,7 +166,7 @@ class Mpm(Table):
     """
 
     order: Literal[1, 2, 3] = 2
-    placement: Literal["gauss", "regular", "random"] = "gauss"
+    placement: Literal["gauss", "regular", "random", "rings"] = "gauss"
     points_per_cell: Annotated[Whole, Field(ge=1, le=16)] = 2
     seed: Annotated[Whole, Field(ge=0)] = 0
     constraints_on: Literal["edges", "points", "nodes"] = "edges"

@@ -83,7 +83,8 @@ class Contact:
     def _touch(self, a: int, b: int, nodes: NDArray) -> Touching | None:
         first, second = self._bodies[a], self._bodies[b]
         own_first, own_second = first.outward_normals(nodes[0]), second.outward_normals(nodes[1])
-        normal = own_first - own_second
+        # the corners of a soft body are rounded on the grid: where one is rigid, its normal holds
+        normal = (not second.rigid) * own_first - (not first.rigid) * own_second
         length = np.hypot(*normal)
         # C.1: normals of two bodies that meet oppose each other
         self.violations["contact_C1"] += int(np.count_nonzero((own_first * own_second).sum(axis=0) > 0.0))

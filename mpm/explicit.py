@@ -187,8 +187,8 @@ class ExplicitMaterialPoints:
             columns |= body.motion()
             if len(self.bodies) > 1:
                 columns |= {f"{body.name}_impulse_x": float(impulse[0]), f"{body.name}_impulse_y": float(impulse[1])}
-        self.costs.count.update({name: 0 for name in self.contact.violations})
-        self.costs.count |= self.contact.violations
+        for name, count in self.contact.violations.items():
+            self.costs.count[name] = count
         return columns
 
     def fields(self) -> Fields:

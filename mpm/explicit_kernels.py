@@ -17,6 +17,9 @@ from physics.energy_splits import point_response
 
 #: cells that a point may wander from where it was sorted, in each direction
 DRIFT = 1
+#: points tell how far a body reaches at a node when the normal there passes within this part of their size: more would
+#: make flats of round bodies' lowest points, half is the least that leaves no hole between points
+LATERAL = 0.75
 #: columns of cells in a strip: two strips of one colour must stay apart for cubic splines and drifting points
 STRIP = 6
 
@@ -214,7 +217,7 @@ def kernels(order: int) -> SimpleNamespace:
 
     @njit(cache=True, parallel=True)
     def reaches(strips, x, y, size_x, size_y, cell_touches, width, normal_x, normal_y, reach):
-        """Largest place along the nodes' normals to which the points around them reach, from the nodes, in cells."""
+        """Largest place along the nodes' normals to which the points beside them reach, from the nodes, in cells."""
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
@@ -227,7 +230,11 @@ def kernels(order: int) -> SimpleNamespace:
                             node = (i + a) * width + j + b
                             nx, ny = normal_x[node], normal_y[node]
                             # a node stands (order - 1) / 2 cells before the cell's corner of the same number
-                            along = (x[p] - (i + a) + 0.5 * (k - 2)) * nx + (y[p] - (j + b) + 0.5 * (k - 2)) * ny
+                            off_x, off_y = x[p] - (i + a) + 0.5 * (k - 2), y[p] - (j + b) + 0.5 * (k - 2)
+                            aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2)
+                            if abs(off_y * nx - off_x * ny) > LATERAL * aside:
+                                continue
+                            along = off_x * nx + off_y * ny
                             along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
                             reach[node] = max(reach[node], along)
 

@@ -175,6 +175,7 @@ class MovingBody:
         self.largest_speed = float(np.hypot(points.vx, points.vy).max())
 
     def _find_order(self) -> None:
+        self._mapped = False
         self._by_number = np.argsort(self.points.number)
         self._sorted_numbers = self.points.number[self._by_number]
 
@@ -198,6 +199,9 @@ class MovingBody:
     def map_to_grid(self) -> None:
         """Mass, momentum and minus internal forces to the nodes."""
         grid, points = self.grid, self.points
+        if self.rigid and self._mapped and not self.rigid_velocity.any():
+            return
+        self._mapped = True
         for array in (grid.m, grid.px, grid.py, grid.fx, grid.fy):
             array[:] = 0.0
         self.kernels.to_grid(
@@ -280,8 +284,11 @@ class MovingBody:
         grid.touches[:] = False
         mark_cells(chosen, self.width, self.order, grid.touches)
         grid.slope_x[:], grid.slope_y[:] = 0.0, 0.0
+        columns = chosen // self.width
+        first = max(0, (int(columns.min()) - self.order - DRIFT) // STRIP)
+        self._near = self.strips[first : (int(columns.max()) + DRIFT) // STRIP + 2]
         self.kernels.mass_slopes(
-            self.strips, points.x, points.y, points.mass, grid.touches, self.width, grid.slope_x, grid.slope_y
+            self._near, points.x, points.y, points.mass, grid.touches, self.width, grid.slope_x, grid.slope_y
         )
 
     def outward_normals(self, nodes: NDArray) -> NDArray:
@@ -299,7 +306,7 @@ class MovingBody:
         grid.normal_x[nodes], grid.normal_y[nodes] = normal
         grid.reach[:] = -np.inf
         self.kernels.reaches(
-            self.strips, points.x, points.y, points.size_x, points.size_y, grid.touches, self.width,
+            self._near, points.x, points.y, points.size_x, points.size_y, grid.touches, self.width,
             grid.normal_x, grid.normal_y, grid.reach,
         )  # fmt: skip
         return self.h * grid.reach[nodes]

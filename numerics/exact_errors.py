@@ -27,12 +27,16 @@ def exact_errors(case: Case, fields: Fields, load: float) -> dict[str, float]:
 
 
 def moving_errors(case: Case, fields: Fields) -> dict[str, float]:
-    """Relative L2 error of the stress of moved points at the end of a dynamic run; empty without an exact one."""
+    """Relative L2 errors of moved points at the end of a dynamic run; empty without an exact solution."""
     solution = SOLUTIONS.get(case.exact or "")
-    if solution is None or solution.stress is None or case.dynamics is None:
+    if solution is None or solution.stress is None or solution.displacement is None or case.dynamics is None:
         return {}
-    exact = solution.stress(case, fields.points, case.dynamics.end_time)
-    return {"l2_error_stress": _relative_error(fields.stress, exact, fields.volume)}
+    end = case.dynamics.end_time
+    displacement = solution.displacement(case, fields.reference, end)
+    return {
+        "l2_error_displacement": _relative_error(fields.displacement, displacement, fields.volume),
+        "l2_error_stress": _relative_error(fields.stress, solution.stress(case, fields.points, end), fields.volume),
+    }
 
 
 def _relative_error(values: NDArray, exact: NDArray, volume: NDArray) -> float:

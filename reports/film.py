@@ -38,9 +38,10 @@ class _View:
         lower = np.array([p.min(axis=0) for p in places]).min(axis=0, keepdims=True)[0]
         upper = np.array([p.max(axis=0) for p in places]).max(axis=0, keepdims=True)[0]
         margin = 0.02 * (upper - lower).max()
-        self.lower, self.upper = lower - margin, upper + margin
-        extent: np.ndarray = self.upper - self.lower
-        self.shape: np.ndarray = np.atleast_1d(np.maximum(np.round(PIXELS * extent / extent.max()).astype(int), 1))
+        self.lower: np.ndarray = np.asarray(lower - margin)
+        self.upper: np.ndarray = np.asarray(upper + margin)
+        extent: np.ndarray = np.asarray(self.upper - self.lower)
+        self.shape: np.ndarray = np.asarray(np.maximum(np.round(PIXELS * extent / extent.max()).astype(int), 1))
         centres = [self.lower[d] + (np.arange(self.shape[d]) + 0.5) / self.shape[d] * extent[d] for d in (0, 1)]
         self.pixels = np.stack(np.meshgrid(*centres), axis=-1).reshape(-1, 2)
         self.aspect = float(extent[1] / extent[0])
@@ -48,12 +49,13 @@ class _View:
     def paint(self, places: np.ndarray, values: np.ndarray) -> np.ma.MaskedArray:
         """Image (rows, columns): the value of the nearest point, masked where there is none near or it is NaN."""
         tree = cKDTree(places)
-        spacing = float(np.median(tree.query(places[:: max(1, len(places) // 500)], k=2)[0][:, 1]))
+        to_neighbours, _ = tree.query(places[:: max(1, len(places) // 500)], k=[2])
+        spacing = float(np.median(to_neighbours))
         pixel = float((self.upper - self.lower).max()) / PIXELS
         distance, nearest = tree.query(self.pixels, distance_upper_bound=max(REACH * spacing, pixel))
         found = np.isfinite(distance)
         image = np.full(len(self.pixels), np.nan)
-        image[found] = values[nearest[found]]
+        image[found] = values[np.asarray(nearest)[found]]
         return np.ma.masked_invalid(image.reshape(self.shape[1], self.shape[0]))
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from verify.dynamic_metrics import branches_of, rayleigh_speed_of
+from verify.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style
 from .curves import run_label

@@ -1,4 +1,4 @@
-"""The error of metrics."""
+"""The error of metrics, which several modules of them raise."""
 
 
 class MetricError(ValueError):

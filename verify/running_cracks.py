@@ -11,7 +11,7 @@ from physics.waves import rayleigh_speed
 from verify import crack_front
 from verify.crack_front import Branch
 from verify.curves import Array
-from verify.metric_errors import MetricError
+from verify.errors import MetricError
 
 if TYPE_CHECKING:
     from cases import Case
