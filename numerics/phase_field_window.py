@@ -22,6 +22,8 @@ BLOCK = 2.0
 RINGS = 4
 #: largest change of the phase field that the solution may leave out
 RESIDUAL = 1e-5
+#: diagonal over the largest one below which a node holds no material to speak of
+EMPTY = 1e-12
 NOT_FOUND = "the phase field of a time step was not found; its equation holds a value that is not finite"
 
 
@@ -98,7 +100,7 @@ def conjugate_gradients(
     """Solve for the phase field in place, from what is in ``solution`` (n,); returns the number of iterations.
 
     neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
-    the diagonal. right_side : (n,). Rows without a diagonal entry keep their value.
+    the diagonal. right_side : (n,). Rows without a diagonal to speak of keep their value.
     """
     iterations = _solve_rows(neighbours, values, diagonal, right_side, RESIDUAL, solution)
     if iterations < 0:
@@ -123,17 +125,20 @@ def _solve_rows(neighbours, values, diagonal, right_side, tolerance, solution):
     direction[:n] = solution
     _row_products(neighbours, values, direction, product)
     residual, scale = right_side - product, np.empty(n)
-    old = 0.0
+    old = largest = 0.0
     for i in range(n):
+        largest = max(largest, values[i, diagonal[i]])
+    for i in range(n):
+        # nodes that hardly any material reaches do not take part
         d = values[i, diagonal[i]]
-        scale[i] = 1.0 / d if d > 0.0 else 0.0
+        scale[i] = 1.0 / d if d > EMPTY * largest else 0.0
         direction[i] = residual[i] * scale[i]
         old += residual[i] * direction[i]
     for iteration in range(10 * n + 10):
-        largest = 0.0
+        most = 0.0
         for i in range(n):
-            largest = max(largest, abs(residual[i] * scale[i]))
-        if largest <= tolerance:
+            most = max(most, abs(residual[i] * scale[i]))
+        if most <= tolerance:
             return iteration
         _row_products(neighbours, values, direction, product)
         step = old / np.dot(direction[:n], product)

@@ -320,11 +320,11 @@ METRICS = _registry(
     Metric("crack_angle", "degree", "overall direction of the crack path", _of_crack(paths.path_angle)),
     Metric("tip_x", "length", "x of the crack tip", _of_crack(lambda path: paths.tip_position(path)[0])),
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
-    Metric("initiation_time", "time", "when the first point broke", running_cracks.initiation_time),
+    Metric("initiation_time", "time", "when the crack set out", running_cracks.initiation_time),
     Metric(
         "stored_energy_at_initiation",
         "energy",
-        "elastic energy when the first point broke",
+        "elastic energy when the crack set out",
         running_cracks.stored_energy_at_initiation,
     ),
     Metric("branching_time", "time", "when the tip first divided", running_cracks.branching_time),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from physics.phase_field import BROKEN
 from physics.waves import rayleigh_speed
@@ -70,16 +71,24 @@ def _of_branches(run: RunData) -> list[Branch]:
 
 
 def initiation_time(run: RunData) -> float:
-    """Time at which the first point broke that was not broken at the start."""
-    _, broken_at = _broken_at(run)
-    late = broken_at[broken_at > 0.0]
-    if not late.size:
+    """Time at which a point broke that is a length scale or more away from what was broken at the start."""
+    data, broken_at = _broken_at(run)
+    points = _plane(data)
+    late = broken_at > 0.0
+    if (broken_at == 0.0).any():
+        distance, _ = cKDTree(points[broken_at == 0.0]).query(points)
+        late &= distance >= _length_scale(run.case)
+    if not late.any():
         raise MetricError(f"{_name(run)}: has no running crack, nothing broke; load it longer")
-    return float(late.min())
+    return float(broken_at[late].min())
+
+
+def _length_scale(case: Case) -> float:
+    return min(m.fracture.length_scale for m in case.materials.values() if m.fracture is not None)
 
 
 def stored_energy_at_initiation(run: RunData) -> float:
-    """Elastic energy when the first point broke."""
+    """Elastic energy when the crack set out."""
     history = run.history
     return float(np.interp(initiation_time(run), history["time"], history["E_el"]))
 
