@@ -24,6 +24,8 @@ RINGS = 4
 RESIDUAL = 1e-5
 #: diagonal over the largest one below which a node holds no material to speak of
 EMPTY = 1e-12
+#: stiffness of the pull towards the start of the solution, over the diagonal
+PULL = 1e-6
 NOT_FOUND = "the phase field of a time step was not found; its equation holds a value that is not finite"
 
 
@@ -125,6 +127,9 @@ def _solve_rows(neighbours, values, diagonal, right_side, tolerance, solution):
     direction[:n] = solution
     _row_products(neighbours, values, direction, product)
     residual, scale = right_side - product, np.empty(n)
+    # combinations of nodes that no point sees would grow without bound: a pull towards the start
+    for i in range(n):
+        values[i, diagonal[i]] *= 1.0 + PULL
     old = largest = 0.0
     for i in range(n):
         largest = max(largest, values[i, diagonal[i]])
