@@ -22,6 +22,8 @@ class Dynamics(Table):
         which the thesis takes 0.8
     gravity : acceleration of all bodies [length/time²]
     flip : 1 updates the points' velocities by increments (FLIP, Eq. 6.43), 0 replaces them (PIC); between, a blend
+    affine : map the points' velocity gradients to the grid too, so that a turning body keeps its spin: without it a
+        node beside the edge takes the velocity of the points' middle, not that of its own place
     order_of_update : strains before ("usl", as Algorithm 3) or after ("musl") the points' velocities, which are
         then mapped to the grid again
     rotation : "additive" sums small strains in fixed axes (Eq. 6.41); "corotational" turns them with the material
@@ -33,6 +35,7 @@ class Dynamics(Table):
     time_step_share: Annotated[Number, Field(gt=0)] = 0.8
     gravity: tuple[Acceleration, Acceleration] = (0.0, 0.0)
     flip: Annotated[Number, Field(ge=0, le=1)] = 1.0
+    affine: Switch = False
     order_of_update: Literal["musl", "usl"] = "usl"
     rotation: Literal["additive", "corotational"] = "corotational"
 

@@ -124,6 +124,25 @@ def kernels(order: int) -> SimpleNamespace:
                             fx[first + b] -= fxx_a * wy[b] + fxy_a * dy[b]
                             fy[first + b] -= fyx_a * wy[b] + fyy_a * dy[b]
 
+    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
+    def affine_to_grid(strips, x, y, mass, cxx, cxy, cyx, cyy, h, width, px, py):
+        """Momenta of the points' velocity gradients c about the points, added to those of the nodes."""
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+                for p in range(strips[strip], strips[strip + 1]):
+                    i, j = int(x[p]), int(y[p])
+                    _basis(k, x[p] - i, wx, dx)
+                    _basis(k, y[p] - j, wy, dy)
+                    arm = h * mass[p]
+                    for a in range(k):
+                        first, off_x = (i + a) * width + j, i + a - 0.5 * (k - 2) - x[p]
+                        for b in range(k):
+                            off_y, w = j + b - 0.5 * (k - 2) - y[p], arm * wx[a] * wy[b]
+                            px[first + b] += w * (cxx[p] * off_x + cxy[p] * off_y)
+                            py[first + b] += w * (cyx[p] * off_x + cyy[p] * off_y)
+
     @njit(cache=True, parallel=True)
     def momentum_to_grid(strips, x, y, vx, vy, mass, width, px, py):
         """Momenta of the nodes (Eq. 6.24) alone."""
@@ -173,8 +192,14 @@ def kernels(order: int) -> SimpleNamespace:
             fastest[strip] = largest
 
     @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
-    def strains(strips, x, y, grid_vx, grid_vy, width, factor, corotational, exx, eyy, gxy, moved_x, moved_y):
-        """Strains of the points after the step and their new places; ``factor`` is the step over the spacing."""
+    def strains(
+        strips, x, y, grid_vx, grid_vy, width, factor, corotational, affine,
+        exx, eyy, gxy, cxx, cxy, cyx, cyy, moved_x, moved_y,
+    ):  # fmt: skip
+        """Strains of the points after the step and their new places; ``factor`` is the step over the spacing.
+
+        Where ``affine`` is positive, it is one over the spacing and the velocity gradients c are kept.
+        """
         for strip in prange(len(strips) - 1):
             wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
             for p in range(strips[strip], strips[strip + 1]):
@@ -193,6 +218,8 @@ def kernels(order: int) -> SimpleNamespace:
                 exx[p], eyy[p], gxy[p] = turned_strain(
                     exx[p], eyy[p], gxy[p], factor * l00, factor * l01, factor * l10, factor * l11, corotational
                 )
+                if affine > 0.0:
+                    cxx[p], cxy[p], cyx[p], cyy[p] = affine * l00, affine * l01, affine * l10, affine * l11
                 x[p] += factor * moved_x[p]
                 y[p] += factor * moved_y[p]
 
@@ -252,8 +279,8 @@ def kernels(order: int) -> SimpleNamespace:
                     fy[(i + a) * width + j + b] += wx[a] * wy[b] * force_y[p]
 
     return SimpleNamespace(
-        to_grid=to_grid, momentum_to_grid=momentum_to_grid, velocities=velocities, strains=strains,
-        mass_slopes=mass_slopes, reaches=reaches, spread=spread,
+        to_grid=to_grid, affine_to_grid=affine_to_grid, momentum_to_grid=momentum_to_grid, velocities=velocities,
+        strains=strains, mass_slopes=mass_slopes, reaches=reaches, spread=spread,
     )  # fmt: skip
 
 

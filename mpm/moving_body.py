@@ -31,10 +31,11 @@ class Points:
 
     ``number`` is a point's place in the case's cloud; ``x, y`` are in cells from the window's corner, ``size_x,
     size_y`` in cells; ``exx, eyy, gxy`` is the elastic strain (engineering shear) in fixed axes; ``moved_x, moved_y``
-    the velocity that carries the point; ``c``, ``history`` and ``g`` are phase field, history field [stress] and
-    degradation; ``psi_plus, psi_minus`` the energy densities before degradation [stress]; ``solved_for`` is the history
-    field that the phase field was solved for, ``crack_energy`` the energy of cracks in a unit volume [stress] and
-    ``broken_at`` the time at which a point broke, NaN before.
+    the velocity that carries the point; ``cxx .. cyy`` its velocity gradient where the map is affine [1/time]; ``c``,
+    ``history`` and ``g`` are phase field, history field [stress] and degradation; ``psi_plus, psi_minus`` the energy
+    densities before degradation [stress]; ``solved_for`` is the history field that the phase field was solved for,
+    ``crack_energy`` the energy of cracks in a unit volume [stress] and ``broken_at`` the time at which a point broke, NaN
+    before.
     """
 
     number: NDArray
@@ -54,6 +55,10 @@ class Points:
     sxy: NDArray
     moved_x: NDArray
     moved_y: NDArray
+    cxx: NDArray
+    cxy: NDArray
+    cyx: NDArray
+    cyy: NDArray
     c: NDArray
     history: NDArray
     g: NDArray
@@ -118,6 +123,9 @@ class MovingBody:
         self.rigid_velocity = np.array(body.velocity)
         self.corner = np.zeros(2, np.int64)
         self.points = self._make_points(cloud, places, body.initial_velocity(cloud.positions[places]))
+        (xx, xy), (yx, yy) = body.velocity_gradient
+        for name, rate in (("cxx", xx), ("cxy", xy), ("cyx", yx), ("cyy", yy)):
+            getattr(self.points, name)[:] = rate
         self.sort()
 
     def _set_material(self, case: Case, number: int) -> None:
@@ -208,6 +216,15 @@ class MovingBody:
             self.strips, points.x, points.y, points.vx, points.vy, points.mass, points.volume,
             points.sxx, points.syy, points.sxy, 1.0 / self.h, self.width, grid.m, grid.px, grid.py, grid.fx, grid.fy,
         )  # fmt: skip
+        self._map_gradients()
+
+    def _map_gradients(self) -> None:
+        grid, points = self.grid, self.points
+        if self._dynamics is not None and self._dynamics.affine and not self.rigid:
+            self.kernels.affine_to_grid(
+                self.strips, points.x, points.y, points.mass, points.cxx, points.cxy, points.cyx, points.cyy,
+                self.h, self.width, grid.px, grid.py,
+            )  # fmt: skip
 
     def find_trial_velocities(self, step: float) -> None:
         """Velocities of the nodes before the step and without contact after it."""
@@ -244,6 +261,7 @@ class MovingBody:
         self.kernels.momentum_to_grid(
             self.strips, points.x, points.y, points.vx, points.vy, points.mass, self.width, grid.px, grid.py
         )
+        self._map_gradients()
         over = np.divide(1.0, grid.m, out=np.zeros_like(grid.m), where=grid.m > 0.0)
         grid.vx, grid.vy = grid.px * over, grid.py * over
 
@@ -255,7 +273,8 @@ class MovingBody:
         assert dynamics is not None
         self.kernels.strains(
             self.strips, points.x, points.y, self.grid.vx, self.grid.vy, self.width, step / self.h,
-            dynamics.rotation == "corotational", points.exx, points.eyy, points.gxy, points.moved_x, points.moved_y,
+            dynamics.rotation == "corotational", dynamics.affine / self.h, points.exx, points.eyy, points.gxy,
+            points.cxx, points.cxy, points.cyx, points.cyy, points.moved_x, points.moved_y,
         )  # fmt: skip
         self.evaluate_stresses()
 
