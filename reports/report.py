@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from . import curves, fields, scene, style, surface, sweeps, tables, words
+from . import curves, fields, orientations, scene, style, surface, sweeps, tables, words
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Hydrostatic stress", fields.hydrostatic_stress),
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
+    ("Critical load over orientation", orientations.critical_load),
 )
 
 

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 # Directions over a full turn, and distances from the crack in units of l0.
 DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 721)
 REACH = 12.0
-FORBIDDEN_COLOUR = "#D55E00"
 PROFILE_QUANTITIES = ("c", "slope", "crack_density")
 
 
@@ -88,21 +87,22 @@ def extremes(case: Case) -> pd.DataFrame:
 
 
 def _table(shown: list[Surface]) -> pd.DataFrame:
-    """Everything over direction: energy, its reciprocal, its second derivative and the surface stiffness."""
+    """Energy, reciprocal, second derivative and stiffness over direction, all over the toughness (or times it)."""
     tables = []
     for surface in shown:
-        energy, stiffness = surface.energy.energy(DIRECTIONS), surface.energy.stiffness(DIRECTIONS)
+        factor = surface.fracture.toughness
+        energy, stiffness = surface.energy.energy(DIRECTIONS) / factor, surface.energy.stiffness(DIRECTIONS) / factor
         columns = {"theta": np.degrees(DIRECTIONS), "energy": energy, "reciprocal": 1.0 / energy}
         columns |= {"second_derivative": stiffness - energy, "stiffness": stiffness}
-        tables.append(pd.DataFrame(columns).assign(material=surface.name))
+        tables.append(pd.DataFrame(columns).assign(material=surface.name, toughness=factor))
     return pd.concat(tables, ignore_index=True)
 
 
 def _polar(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
-    table, unit = _table(shown), case.units.label("toughness")
+    table = _table(shown)
     figure, axes = style.panels(1, 2, 8.4, 4.4, subplot_kw={"projection": "polar"})
     colours = style.colours_of([surface.name for surface in shown])
-    titles = (("energy", f"surface energy [{unit}]"), ("reciprocal", f"its reciprocal [1/({unit})]"))
+    titles = (("energy", "surface energy over toughness [1]"), ("reciprocal", "toughness over surface energy [1]"))
     for axis, (column, title) in zip(axes.flat, titles, strict=True):
         for surface in shown:
             part = table[table["material"] == surface.name]
@@ -112,8 +112,9 @@ def _polar(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
         axis.tick_params(labelsize=7)
     _legend(figure, axes.flat[0])
     return _drawing(
-        "surface-energy", "Surface energy over direction", f"{_in_words(case)} Thick: directions in which no crack runs.",
-        figure, table[["material", "theta", "energy", "reciprocal"]], folder,
+        "surface-energy", "Surface energy over direction",
+        f"{_in_words(case)} Dotted: directions in which no crack runs.", 
+        table[["material", "toughness", "theta", "energy", "reciprocal"]], folder,
     )  # fmt: skip
 
 
@@ -121,7 +122,7 @@ def _draw_direction(axis: Any, theta: Any, part: pd.DataFrame, column: str, colo
     axis.plot(theta, part[column], color=colour, label=name)
     forbidden = part[column].where(part["stiffness"] < 0.0)
     if forbidden.notna().any():
-        axis.plot(theta, forbidden, color=FORBIDDEN_COLOUR, linewidth=3.0, alpha=0.6, label="forbidden")
+        axis.plot(theta, forbidden, ":", color="black", linewidth=1.8, label="forbidden")
 
 
 def _legend(figure: Any, axis: Any) -> None:
@@ -141,7 +142,7 @@ def _in_words(case: Case) -> str:
 
 
 def _stiffness(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
-    table, unit = _table(shown), case.units.label("toughness")
+    table = _table(shown)
     figure, axes = style.panels(1, 2, 8.4, 3.6, sharex=True)
     colours = style.colours_of([surface.name for surface in shown])
     titles = (
@@ -153,12 +154,14 @@ def _stiffness(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
             part = table[table["material"] == surface.name]
             _draw_direction(axis, part["theta"], part, column, colours[surface.name], surface.name)
         axis.axhline(0.0, color=style.GREY, linewidth=0.8)
-        axis.set(xlabel="direction of the crack [°]", ylabel=f"{title} [{unit}]", xlim=(0.0, 180.0))
+        axis.set(xlabel="direction of the crack [°]", ylabel=f"{title} over toughness [1]", xlim=(0.0, 180.0))
         axis.set_xticks(np.arange(0, 181, 45))
         axis.grid(True)
     _legend(figure, axes.flat[0])
-    caption = "Where the surface stiffness is negative, no crack runs."
-    data = table[["material", "theta", "second_derivative", "stiffness"]]
+    caption = (
+        "Second derivative of the surface energy and surface stiffness (Eq. 5.18); where it is negative, no crack runs."
+    )
+    data = table[["material", "toughness", "theta", "second_derivative", "stiffness"]]
     return _drawing("surface-stiffness", "Surface stiffness", caption, figure, data, folder)
 
 

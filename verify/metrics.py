@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from physics.surface_energy import SurfaceEnergy
 from verify import crack_path as paths
 from verify import curves
 from verify.curves import Array, Curve, CurveComparison
@@ -158,6 +159,16 @@ def _of_crack(function: Callable[[Array], float]) -> Callable[[RunData], float]:
     return value
 
 
+def crack_angle_in_layer(run: RunData, *, lower: float, upper: float) -> float:
+    """Direction of the part of the crack between two heights y [length]: degrees from the x axis, 0 to 180."""
+    path = _crack(run)
+    even = paths.resample(path, paths.path_length(path) / 400)
+    part = even[(even[:, 1] >= lower) & (even[:, 1] <= upper)]
+    if len(part) < 3:
+        raise MetricError(f"run {run.info.get('run', '')}: no crack between y = {lower:g} and {upper:g}; load it further")
+    return paths.path_angle(part) % 180.0
+
+
 def crack_length(run: RunData) -> float:
     """Length of the crack path, 0 where nothing broke."""
     return paths.path_length(np.asarray(run.crack_path, dtype=float).reshape(-1, 2))
@@ -202,6 +213,19 @@ def _tip(reference: Array, phase_field: Array, case: Case) -> Array:
     if len(case.notches) != 1:
         raise MetricError("metric energy_release_rate: no crack and not one notch; give the parameter tip")
     return np.asarray(case.notches[0].end, dtype=float)
+
+
+def _surface_energy_extreme(which: int) -> Callable[..., float]:
+    def value(run: RunData, *, material: str = "") -> float:
+        """Of the material that is named, or of the first one."""
+        name = material or next(iter(run.case.materials))
+        described = run.case.materials.get(name)
+        if described is None or described.fracture is None:
+            known = ", ".join(run.case.materials)
+            raise MetricError(f"metric surface_energy: material {name!r} cannot break; choose one of {known}")
+        return SurfaceEnergy.of(described.fracture).extremes()[which][0]
+
+    return value
 
 
 def measure(run: RunData, *, name: str) -> float:
@@ -321,8 +345,15 @@ METRICS = _registry(
     Metric("energy_release_rate", "toughness", "J-integral around the tip", mean_energy_release_rate),
     Metric("crack_length", "length", "length of the crack path", crack_length),
     Metric("crack_angle", "degree", "overall direction of the crack path", _of_crack(paths.path_angle)),
+    Metric("crack_angle_in_layer", "degree", "direction of the crack in a layer", crack_angle_in_layer),
     Metric("tip_x", "length", "x of the crack tip", _of_crack(lambda path: paths.tip_position(path)[0])),
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
+    Metric(
+        "least_surface_energy", "toughness", "least energy of a crack over its directions", _surface_energy_extreme(0)
+    ),
+    Metric(
+        "largest_surface_energy", "toughness", "largest energy of a crack over its directions", _surface_energy_extreme(1)
+    ),
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
     _measured("constraint_error", "largest violation of a constraint"),
     _measured("element_quality", "least scaled Jacobian of the moved elements"),
