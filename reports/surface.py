@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 # Directions over a full turn, and distances from the crack in units of l0.
 DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 721)
 REACH = 12.0
+# Keys of a fracture table: in one picture the orientation tells no materials apart.
+SHAPE, SIZE = ("order", "gamma", "length_scale"), ("order", "gamma", "toughness")
 PROFILE_QUANTITIES = ("c", "slope", "crack_density")
 
 
@@ -40,21 +42,17 @@ class Surface:
         return SurfaceEnergy.of(self.fracture)
 
 
-def surfaces(case: Case) -> list[Surface]:
-    """The materials that can break, of the case and of its runs; those that differ in orientation alone once."""
+def surfaces(case: Case, distinct: tuple[str, ...]) -> list[Surface]:
+    """The materials that can break, of the case and of its runs; of those equal in the ``distinct`` keys the first."""
     found: dict[str, Surface] = {}
     cases = [("", case), *((name, load_case(case.source, case.tier, name)) for name in case.expanded_runs())]
     for run, described in cases:
         for material, table in described.materials.items():
             if table.fracture is not None:
                 name = f"{material}, {run.partition('[')[0]}" if run else material
-                found.setdefault(_key(table.fracture), Surface(name, table.fracture))
+                key = table.fracture.model_dump_json(include=set(distinct))
+                found.setdefault(key, Surface(name, table.fracture))
     return list(found.values())
-
-
-def _key(fracture: Fracture) -> str:
-    """Equal for materials whose surface energies are equal up to a turn."""
-    return fracture.model_dump_json(include={"toughness", "length_scale", "order", "gamma"})
 
 
 def surface_energy(results: CaseResults, folder: Path) -> list[style.Drawing]:
@@ -64,19 +62,19 @@ def surface_energy(results: CaseResults, folder: Path) -> list[style.Drawing]:
 
 def needs_figures(case: Case) -> bool:
     """Whether some surface energy depends on the direction or on the fourth order."""
-    return any(surface.fracture.order == 4 for surface in surfaces(case))
+    return any(surface.fracture.order == 4 for surface in surfaces(case, SHAPE))
 
 
 def draw(case: Case, folder: Path) -> list[style.Drawing]:
     """Polar plots, stiffness over direction, and profiles, each with the CSV behind it."""
-    shown = surfaces(case)
+    shown = surfaces(case, SHAPE)
     return [_polar(case, shown, folder), _stiffness(case, shown, folder), _profiles(case, shown, folder)]
 
 
 def extremes(case: Case) -> pd.DataFrame:
     """Least and largest surface energy of each material, where they are, and the forbidden directions [degrees]."""
     rows = []
-    for surface in surfaces(case):
+    for surface in surfaces(case, SIZE):
         (least, at_least), (largest, at_largest) = surface.energy.extremes()
         intervals = np.degrees(surface.energy.forbidden())
         said = ", ".join(f"{a:.1f} to {b:.1f}" for a, b in intervals) or "none"
@@ -113,7 +111,7 @@ def _polar(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
     _legend(figure, axes.flat[0])
     return _drawing(
         "surface-energy", "Surface energy over direction",
-        f"{_in_words(case)} Dotted: directions in which no crack runs.", 
+        f"{_in_words(case)} Dotted: directions in which no crack runs.", figure,
         table[["material", "toughness", "theta", "energy", "reciprocal"]], folder,
     )  # fmt: skip
 

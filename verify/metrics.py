@@ -259,6 +259,12 @@ def _of_paths(function: Callable[[Array, Array], float], over_h: bool = False) -
     return value
 
 
+def crack_turn(run: RunData, reference: RunData, *, by: float) -> float:
+    """Angle between the cracks of two runs less the angle that it should be, both in degrees, counter-clockwise."""
+    angle = paths.path_angle(_crack(run)) - paths.path_angle(_crack(reference)) - by
+    return (angle + 180.0) % 360.0 - 180.0
+
+
 # --- sweeps ---------------------------------------------------------------------------------------
 
 
@@ -387,6 +393,7 @@ PAIR_METRICS = _registry(
         "largest difference of force up to a displacement, over the peak force",
         curve_max_error_until,
     ),
+    Metric("crack_turn", "degree", "angle between two cracks less the one that it should be", crack_turn),
     Metric("path_hausdorff", "length", "largest distance of the crack paths", _of_paths(paths.hausdorff)),
     Metric("path_mean_distance", "length", "mean distance of crack paths", _of_paths(paths.mean_distance)),
     Metric(
