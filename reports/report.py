@@ -211,7 +211,7 @@ def _computed_with(pages: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
 def write_surface(case: Case, out: Path) -> pd.DataFrame:
     """Draw the surface energy of a case's materials into ``out/surface/<case>``; return its extremes."""
     folder = Path(out) / "surface" / style.slug(case.name)
-    table = surface.extremes(case)
+    table = surface.extremes(surface.surfaces(case, surface.SIZE))
     with style.drawing_style():
         surface.draw(case, folder)
     style.save_data(table, folder, "extremes")

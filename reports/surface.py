@@ -16,6 +16,7 @@ from . import style
 from .words import listed, number
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
     from typing import Any
 
@@ -42,17 +43,35 @@ class Surface:
         return SurfaceEnergy.of(self.fracture)
 
 
-def surfaces(case: Case, distinct: tuple[str, ...]) -> list[Surface]:
-    """The materials that can break, of the case and of its runs; of those equal in the ``distinct`` keys the first."""
+def surfaces(case: Case, distinct: tuple[str, ...], family: str = "") -> list[Surface]:
+    """The materials that can break, of the case and of its runs; of those equal in the ``distinct`` keys the first.
+
+    Runs of sweeps over gamma are left out unless their ``family`` is asked for, which then comes alone.
+    """
     found: dict[str, Surface] = {}
-    cases = [("", case), *((name, load_case(case.source, case.tier, name)) for name in case.expanded_runs())]
-    for run, described in cases:
+    cases = [] if family else [("", case)]
+    for name, spec in case.run_specs().items():
+        label, swept = name.partition("[")[0], _swept_gamma(spec.sweep_values)
+        if (spec.family if swept else "") == family:
+            cases.append((swept or label, load_case(case.source, case.tier, name)))
+    for label, described in cases:
         for material, table in described.materials.items():
             if table.fracture is not None:
-                name = f"{material}, {run.partition('[')[0]}" if run else material
+                name = ", ".join(part for part in (material, label) if part)
                 key = table.fracture.model_dump_json(include=set(distinct))
                 found.setdefault(key, Surface(name, table.fracture))
     return list(found.values())
+
+
+def _swept_gamma(values: Mapping[str, Any]) -> str:
+    """Entries of gamma that a run of a sweep sets, such as "γ_1212 = 74"; empty where there are none."""
+    entries = {key.rpartition(".")[2]: value for key, value in values.items() if ".gamma." in key}
+    return ", ".join(f"{key.replace('gamma', 'γ')} = {value:g}" for key, value in entries.items())
+
+
+def _families(case: Case) -> list[str]:
+    """Sweeps over entries of gamma."""
+    return list(dict.fromkeys(spec.family for spec in case.run_specs().values() if _swept_gamma(spec.sweep_values)))
 
 
 def surface_energy(results: CaseResults, folder: Path) -> list[style.Drawing]:
@@ -68,13 +87,14 @@ def needs_figures(case: Case) -> bool:
 def draw(case: Case, folder: Path) -> list[style.Drawing]:
     """Polar plots, stiffness over direction, and profiles, each with the CSV behind it."""
     shown = surfaces(case, SHAPE)
-    return [_polar(case, shown, folder), _stiffness(case, shown, folder), _profiles(case, shown, folder)]
+    drawings = [_polar(case, shown, folder), _stiffness(case, shown, folder), _profiles(case, shown, folder)]
+    return drawings + [_polar(case, surfaces(case, SHAPE, name), folder, name) for name in _families(case)]
 
 
-def extremes(case: Case) -> pd.DataFrame:
+def extremes(shown: list[Surface]) -> pd.DataFrame:
     """Least and largest surface energy of each material, where they are, and the forbidden directions [degrees]."""
     rows = []
-    for surface in surfaces(case, SIZE):
+    for surface in shown:
         (least, at_least), (largest, at_largest) = surface.energy.extremes()
         intervals = np.degrees(surface.energy.forbidden())
         said = ", ".join(f"{a:.1f} to {b:.1f}" for a, b in intervals) or "none"
@@ -96,7 +116,7 @@ def _table(shown: list[Surface]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _polar(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
+def _polar(case: Case, shown: list[Surface], folder: Path, family: str = "") -> style.Drawing:
     table = _table(shown)
     figure, axes = style.panels(1, 2, 8.4, 4.4, subplot_kw={"projection": "polar"})
     colours = style.colours_of([surface.name for surface in shown])
@@ -110,8 +130,8 @@ def _polar(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
         axis.tick_params(labelsize=7)
     _legend(figure, axes.flat[0])
     return _drawing(
-        "surface-energy", "Surface energy over direction",
-        f"{_in_words(case)} Dotted: directions in which no crack runs.", figure,
+        f"surface-energy-{family}".rstrip("-"), f"Surface energy over direction {family}".rstrip(),
+        f"{_in_words(case, shown)} Dotted: directions in which no crack runs.", figure,
         table[["material", "toughness", "theta", "energy", "reciprocal"]], folder,
     )  # fmt: skip
 
@@ -129,12 +149,12 @@ def _legend(figure: Any, axis: Any) -> None:
     figure.legend(chosen.values(), chosen.keys(), loc="outside lower center", ncols=3)
 
 
-def _in_words(case: Case) -> str:
+def _in_words(case: Case, shown: list[Surface]) -> str:
     unit = case.units.label("toughness")
     said = [
         f"{row.material}: {number(row.least)} at {row.theta_least:.0f}° to {number(row.largest)} {unit} "
         f"at {row.theta_largest:.0f}°"
-        for row in extremes(case).itertuples()
+        for row in extremes(shown).itertuples()
     ]
     return f"Energy to open a unit of crack along each direction, from the exact profile. {listed(said)}."
 
