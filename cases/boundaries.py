@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from cases.errors import BrokenRuleError
 from cases.geometry import Box, Circle
 from cases.table import Table, require_one
 from cases.units import Point
@@ -34,6 +35,8 @@ class BoundarySet(Table):
     @model_validator(mode="after")
     def _is_one_selection(self) -> BoundarySet:
         require_one(self, "selection", tuple(BoundarySet.model_fields))
+        if self.segment and self.segment[0] == self.segment[1]:
+            raise BrokenRuleError("has no length", "give two ends, or a 'point'", "segment", list(self.segment))
         return self
 
     def select(
