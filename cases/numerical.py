@@ -218,7 +218,7 @@ class Output(Table):
 
     snapshots : load parameters at which fields are written, besides the last state [length]
     times : the same for dynamics [time]
-    frames : number of further snapshots of a dynamic run, evenly spaced in time
+    frames : number of pictures of a dynamic run for its animation, evenly spaced in time, besides the first state
     records : number of evenly spaced rows of the history of a dynamic run
     """
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,23 +15,14 @@ from numerics.fields import Fields
 from numerics.time_steps import stable_step
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
-from physics.phase_field import notch_history
+from physics.phase_field import initial_history
 
 from .contact import Contact
+from .explicit_phase_field import PointPhaseField
 from .grid import GridError
 from .moving_body import MovingBody
 from .placement import place_in_bodies
 from .prescribed import Tractions, held_lines
-
-
-class BodyPhaseField(Protocol):
-    """The phase field of one body that can break."""
-
-    def solve(self) -> None:
-        """Write the body's ``points.c`` for its ``points.history``, at the points' present places."""
-
-    def fracture_energy(self) -> float:
-        """Energy of its cracks [energy]."""
 
 
 class ExplicitMaterialPoints:
@@ -56,7 +46,10 @@ class ExplicitMaterialPoints:
         self.contact = Contact(case, self.bodies)
         self._lines = held_lines(case, self.bodies, self.cloud)
         self._tractions = Tractions(case, self.bodies, self.cloud)
-        self.phase_fields: list[BodyPhaseField] = []
+        self.phase_fields = [
+            PointPhaseField(case, number, body, self.costs) for number, body in enumerate(self.bodies) if body.breakable
+        ]
+        self._break_notches()
         self._boundary_work = self._boundary_power = 0.0
         self._first_moment = np.array([body.points.mass @ body.positions() for body in self._moving]).sum(axis=0)
         self._updates_last = case.dynamics.order_of_update == "musl"
@@ -91,13 +84,17 @@ class ExplicitMaterialPoints:
         """Initial history fields of the notches that are drawn by them (Eq. 6.51)."""
         table = MaterialTable(self.case)
         for number, body in enumerate(self.bodies):
-            for notch in self.case.notches:
-                if notch.kind == "history" and body.breakable:
-                    start, end = np.array(notch.start, float), np.array(notch.end, float)
-                    toughness = np.full(len(body.points.x), table.toughness[number])
-                    length_scale = np.full(len(body.points.x), table.length_scale[number])
-                    crack = notch_history(body.positions(), start, end, notch.factor, toughness, length_scale)
-                    body.points.history = np.maximum(body.points.history, crack)
+            if body.breakable:
+                toughness, length_scale = table.toughness[number], table.length_scale[number]
+                crack = initial_history(self.case, body.positions(), toughness, length_scale)
+                body.points.history = np.maximum(body.points.history, crack)
+
+    def _break_notches(self) -> None:
+        """Phase field and stresses at the start."""
+        for phase_field in self.phase_fields:
+            phase_field.solve(0.0, everywhere=True)
+        for body in self._moving:
+            body.evaluate_stresses()
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the clock times the work alone."""
@@ -124,7 +121,7 @@ class ExplicitMaterialPoints:
             self._tractions.add(now)
         with self.costs.timed("phase_field"):
             for phase_field in self.phase_fields:
-                phase_field.solve()
+                phase_field.solve(now)
         with self.costs.timed("grid"):
             for body in self.bodies:
                 body.find_trial_velocities(size)
@@ -225,6 +222,7 @@ class ExplicitMaterialPoints:
             "history_field": p.history,
             "stress": np.column_stack([p.sxx, p.syy, p.sxy]),
             "energy_density": body.energy_density(),
+            "broken_at": p.broken_at,
         }
 
     def _occupied_cells(self) -> tuple[NDArray, NDArray, NDArray]:
@@ -264,6 +262,8 @@ class ExplicitMaterialPoints:
         arrays["violations"] = np.array([contact.violations[name] for name in names])
         for number, body in enumerate(self.bodies):
             arrays |= {f"body{number}_{name}": array for name, array in body.checkpoint().items()}
+        for number, phase_field in enumerate(self.phase_fields):
+            arrays |= {f"phase_field{number}_{name}": array for name, array in phase_field.checkpoint().items()}
         return arrays
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
@@ -276,3 +276,6 @@ class ExplicitMaterialPoints:
         for number, body in enumerate(self.bodies):
             prefix = f"body{number}_"
             body.restore({k.removeprefix(prefix): v for k, v in saved.items() if k.startswith(prefix)})
+        for number, phase_field in enumerate(self.phase_fields):
+            prefix = f"phase_field{number}_"
+            phase_field.restore({k.removeprefix(prefix): v for k, v in saved.items() if k.startswith(prefix)})

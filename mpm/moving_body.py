@@ -33,7 +33,9 @@ class Points:
     size_y`` in cells; ``exx, eyy, gxy`` is the elastic strain (engineering shear) in fixed axes; ``moved_x, moved_y``
     the velocity that carries the point; ``cxx .. cyy`` its velocity gradient where the map is affine [1/time]; ``c``,
     ``history`` and ``g`` are phase field, history field [stress] and degradation; ``psi_plus, psi_minus`` the energy
-    densities before degradation [stress].
+    densities before degradation [stress]; ``solved_for`` is the history field that the phase field was solved for,
+    ``crack_energy`` the energy of cracks in a unit volume [stress] and ``broken_at`` the time at which a point broke, NaN
+    before.
     """
 
     number: NDArray
@@ -62,6 +64,9 @@ class Points:
     g: NDArray
     psi_plus: NDArray
     psi_minus: NDArray
+    solved_for: NDArray
+    crack_energy: NDArray
+    broken_at: NDArray
 
 
 @dataclass
@@ -137,6 +142,7 @@ class MovingBody:
         given = {
             "number": places, "x": x, "y": y, "vx": velocity[:, 0], "vy": velocity[:, 1], "mass": self.density * volume,
             "volume": volume, "size_x": size_x, "size_y": size_y, "c": np.ones(len(places)), "g": np.ones(len(places)),
+            "broken_at": np.full(len(places), np.nan),
         }  # fmt: skip
         zeros = {f.name: np.zeros(len(places)) for f in fields(Points) if f.name not in given}
         return Points(**{name: np.ascontiguousarray(array) for name, array in (given | zeros).items()})

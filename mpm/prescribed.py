@@ -129,11 +129,11 @@ def _lines_of(case: Case, boundary: BoundarySet, number: int) -> list[tuple[int,
 
 
 class Tractions:
-    """Tractions on the points' edges along boundary sets, which go with the points."""
+    """Tractions along boundary sets, on the points that have an edge there; they go with the points."""
 
     def __init__(self, case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> None:
         select, box = points_on(case, cloud, at_edges=True), case.bounding_box()
-        self._loads: list[tuple[MovingBody, Traction, NDArray, NDArray, NDArray]] = []
+        self._loads: list[tuple[MovingBody, Traction, NDArray, NDArray]] = []
         for number, traction in enumerate(case.tractions):
             boundary = case.boundaries[traction.on]
             if boundary.edge is None:
@@ -142,25 +142,23 @@ class Tractions:
             places, offset = select(boundary)
             # a point inside that lies on the same line, of another body, has no edge there
             kept = np.abs(cloud.positions[places, normal] + offset[:, normal] - box[corner][normal]) < 1e-9 * case.mesh.h
-            places, offset = places[kept], offset[kept] / case.mesh.h
+            places = places[kept]
             area = cloud.size[places, 1 - normal] * case.plane.thickness
             for n, body in enumerate(bodies):
                 own = cloud.body[places] == n
                 if own.any():
-                    self._loads.append((body, traction, places[own], offset[own], area[own]))
+                    self._loads.append((body, traction, places[own], area[own]))
         self._bodies = list({id(load[0]): load[0] for load in self._loads}.values())
 
     def add(self, now: float) -> None:
         """Add the forces at a time to those on the nodes."""
         for body in self._bodies:
             body.grid.ex[:], body.grid.ey[:] = 0.0, 0.0
-        for body, traction, numbers, offset, area in self._loads:
+        for body, traction, numbers, area in self._loads:
             share = traction.share(now)
             chosen = body.places_of(numbers)
-            x, y = body.points.x[chosen] + offset[:, 0], body.points.y[chosen] + offset[:, 1]
-            # an edge on a grid line belongs to the cell of its point
-            x = np.clip(x, np.floor(body.points.x[chosen]), np.floor(body.points.x[chosen]) + 1.0 - 1e-12)
-            y = np.clip(y, np.floor(body.points.y[chosen]), np.floor(body.points.y[chosen]) + 1.0 - 1e-12)
+            # not at their edges: where a point has just entered a cell, the nodes there have little mass from it
+            x, y = body.points.x[chosen], body.points.y[chosen]
             force_x, force_y = share * traction.value[0] * area, share * traction.value[1] * area
             grid = body.grid
             body.kernels.spread(x, y, force_x, force_y, body.width, grid.ex, grid.ey)

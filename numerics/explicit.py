@@ -166,8 +166,8 @@ class _TimeMarch:
         self.n_steps = number_of_steps(case, discretisation.stable_step())
         self.size = self.end / self.n_steps
         evenly = np.linspace(0, self.n_steps, min(case.output.records, self.n_steps) + 1)
-        times = [t for t in case.snapshots if t <= self.end]
-        #: steps after which the state is told, snapshots at the first step that reaches their time
+        times = [t for t in (*case.snapshots, *case.frame_times) if t <= self.end]
+        #: steps after which the state is told, snapshots and frames at the first step that reaches their time
         self.told = {*map(int, np.round(evenly)), *(int(np.ceil(t / self.size * (1.0 - 1e-12))) for t in times)}
         self.started = time.perf_counter() - (after.seconds if after else 0.0)
         self.first = discretisation.balance().total if after is None else 0.0

@@ -30,6 +30,8 @@ Field = Callable[[Array], Array]
 
 PIXELS_PER_CELL = 4
 SUPPORT = 1.5  # farther from every point than a cell and this many of its spacings is outside the bodies
+CELLS_OF_REACH = 4.0  # within so many cells of a notch's end a path begins at the end
+WIDTH_OF_FOURTH_ORDER = 5.0  # in units of l0, where across a notch c rises above the threshold, γ_θ up to about 6
 EQUAL_SHARE = 0.2  # of the largest piece's area: pieces above it are rivals, the one nearest the start wins
 
 
@@ -57,12 +59,19 @@ def crack_path(fields: Fields, case: Case) -> Array:
 
 def trace_case_crack(points: ArrayLike, phase_field: ArrayLike, case: Case) -> CrackPath:
     """``trace_crack`` with the cell size and, where there is one notch, the start that the case states."""
-    start, notch = None, None
+    start, notch, reach = None, None, None
     if len(case.notches) == 1:
         only = case.notches[0]
         start = np.asarray(only.end, dtype=float)
         notch = np.array([only.start, only.end], dtype=float) if only.kind == "history" else None
-    return trace_crack(points, phase_field, case.mesh.h, start=start, notch=notch)
+        reach = max(CELLS_OF_REACH * case.mesh.h, _width_of_fourth_order(case)) if notch is not None else None
+    return trace_crack(points, phase_field, case.mesh.h, start=start, notch=notch, reach=reach)
+
+
+def _width_of_fourth_order(case: Case) -> float:
+    """How far from a history notch a phase field of fourth order is taken for the notch's own; 0 without one."""
+    fractures = [material.fracture for material in case.materials.values() if material.fracture]
+    return WIDTH_OF_FOURTH_ORDER * max((f.length_scale for f in fractures if f.order == 4), default=0.0)
 
 
 def trace_crack(
@@ -89,20 +98,12 @@ def trace_crack(
     crack that runs through a body ends with its outermost points, up to a cell short of the edge. Of a
     branched crack the longest path is returned. A broken spot no longer than it is wide counts as no crack.
     """
-    points, phase_field = _usable(points, phase_field)
-    broken = phase_field < threshold
-    if not broken.any():
-        return NO_CRACK
     start = None if start is None else np.asarray(start, dtype=float)
-    reach = 4.0 * h if reach is None else reach
-    field, raster = _rasterise(points, phase_field, broken, h)
-    mask = raster.values < threshold
-    if notch is not None:
-        mask &= ~_beside(raster.positions(), np.asarray(notch, dtype=float), reach).reshape(mask.shape)
-    mask = _main_piece(mask, raster, start)
-    if not mask.any():
+    reach = CELLS_OF_REACH * h if reach is None else reach
+    found = _skeleton_of(points, phase_field, h, threshold, start, notch, reach)
+    if found is None:
         return NO_CRACK
-    skeleton = _Skeleton(mask, raster)
+    skeleton, field = found
     path = skeleton.longest_path(start, reach)
     half_width = float(np.median(skeleton.half_width[path]))
     if path_length(skeleton.nodes[path]) < 2.0 * half_width:
@@ -112,6 +113,55 @@ def trace_crack(
     polyline = _refine(core, field, h, half_width, threshold)
     polyline = _begin_at(polyline, start, reach)
     return CrackPath(polyline, branches, 2 + branches) if len(polyline) > 1 else NO_CRACK
+
+
+def trace_tree(
+    points: ArrayLike,
+    phase_field: ArrayLike,
+    h: float,
+    threshold: float,
+    start: ArrayLike | None,
+    notch: ArrayLike | None,
+    shortest: float,
+) -> list[Array]:
+    """Polylines (k, 2) from the start of a branched crack to each of its ends along its skeleton, the longest first.
+
+    Arguments as for ``trace_crack``; branches that leave the others by less than ``shortest`` half widths are bulges.
+    """
+    start = None if start is None else np.asarray(start, dtype=float)
+    reach = CELLS_OF_REACH * h
+    found = _skeleton_of(points, phase_field, h, threshold, start, notch, reach)
+    if found is None:
+        return []
+    skeleton, _ = found
+    path = skeleton.longest_path(start, reach)
+    if path_length(skeleton.nodes[path]) < 2.0 * h:
+        return []
+    least = shortest * float(np.median(skeleton.half_width[path]))
+    ways = [path, *skeleton.ways_to_other_ends(path, least)]
+    return [_begin_at(_smooth(skeleton.nodes[way]), start, reach) for way in ways]
+
+
+def _skeleton_of(
+    points: ArrayLike,
+    phase_field: ArrayLike,
+    h: float,
+    threshold: float,
+    start: Array | None,
+    notch: ArrayLike | None,
+    reach: float,
+) -> tuple[_Skeleton, Field] | None:
+    """Skeleton of the crack without its notch, and the phase field as a function; None where nothing is broken."""
+    points, phase_field = _usable(points, phase_field)
+    broken = phase_field < threshold
+    if not broken.any():
+        return None
+    field, raster = _rasterise(points, phase_field, broken, h)
+    mask = raster.values < threshold
+    if notch is not None:
+        mask &= ~_beside(raster.positions(), np.asarray(notch, dtype=float), reach).reshape(mask.shape)
+    mask = _main_piece(mask, raster, start)
+    return (_Skeleton(mask, raster), field) if mask.any() else None
 
 
 def _usable(points: ArrayLike, phase_field: ArrayLike) -> tuple[Array, Array]:
@@ -281,6 +331,19 @@ class _Skeleton:
             if distance[node] <= shortest:
                 return count
             known, count = known + self._way_to(node, previous), count + 1
+
+    def ways_to_other_ends(self, path: list[int], shortest: float) -> list[list[int]]:
+        """Ways from the start of the path to the ends of the branches that leave it, or one another, by more."""
+        _, from_start = self._distances([path[0]])
+        known = path
+        ends: list[int] = []
+        while True:
+            distance, previous = self._distances(known)
+            node = int(np.argmax(distance))
+            if distance[node] <= shortest:
+                return [self._way_to(end, from_start) for end in ends]
+            ends.append(node)
+            known = known + self._way_to(node, previous)
 
 
 def _without_hooks(path: list[int], half_width: Array) -> list[int]:

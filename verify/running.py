@@ -14,6 +14,7 @@ import numpy as np
 
 from cases import Case, CaseError, load_case
 from numerics.costs import Costs
+from verify.frames import FrameWriter
 from verify.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.run_folder import (
     Checkpoint,
@@ -43,9 +44,9 @@ class InterruptedRunError(Exception):
 
 
 def _finite_elements(case: Case) -> Discretisation:
-    from fem_reference import FiniteElements
+    from fem_reference import ExplicitFiniteElements, FiniteElements
 
-    return _following(FiniteElements, case)
+    return ExplicitFiniteElements(case) if case.dynamics else _following(FiniteElements, case)
 
 
 def _material_points(case: Case) -> Discretisation:
@@ -233,11 +234,14 @@ class _Attempt:
     def _march(self, discretisation: Discretisation) -> None:
         started = time.perf_counter() - (self.after.record.seconds if self.after else 0.0)
         behind = (self.after.record,) if self.after else ()
+        done = self.after.record.u if self.after else -math.inf
+        frames = FrameWriter(self.writer.partial / "frames", self.case.frame_times, done)
         for record in solver_records(discretisation, self.case, *behind):
             if record.is_last:
                 self.status, self.reason = record.status, record.reason
             if record.is_good:
                 self.writer.record(record, discretisation)
+                frames.record(record, discretisation)
             if self.listener is not None:
                 self.listener(record)
         self.seconds["increments"] = time.perf_counter() - started
