@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from cases.errors import BrokenRuleError
 from cases.table import Name, Switch, Table
-from cases.units import Acceleration, Number, Stress, Time
+from cases.units import Acceleration, Number, Rate, Stress, Time
 
 
 class Dynamics(Table):
@@ -21,6 +21,7 @@ class Dynamics(Table):
     time_step_rule : the bound that is proven for the basis and any cloud of points, or "courant" = h / c, of
         which the thesis takes 0.8
     gravity : acceleration of all bodies [length/time²]
+    damping : rate at which all velocities fall, for bodies that come to rest [1/time]
     flip : 1 updates the points' velocities by increments (FLIP, Eq. 6.43), 0 replaces them (PIC); between, a blend
     affine : map the points' velocity gradients to the grid too, so that a turning body keeps its spin: without it a
         node beside the edge takes the velocity of the points' middle, not that of its own place
@@ -34,6 +35,7 @@ class Dynamics(Table):
     time_step_rule: Literal["proven", "courant"] = "proven"
     time_step_share: Annotated[Number, Field(gt=0)] = 0.8
     gravity: tuple[Acceleration, Acceleration] = (0.0, 0.0)
+    damping: Annotated[Rate, Field(ge=0)] = 0.0
     flip: Annotated[Number, Field(ge=0, le=1)] = 1.0
     affine: Switch = False
     order_of_update: Literal["musl", "usl"] = "usl"

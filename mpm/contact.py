@@ -55,6 +55,8 @@ class Contact:
         self.impulse = np.zeros((len(bodies), 2))
         self.violations: Counter[str] = Counter()
         self._touching: list[tuple[int, int, float, Touching]] = []
+        self._floor_loads: list[tuple[NDArray, NDArray]] = []
+        self._last_floor_loads: list[tuple[NDArray, NDArray]] = []
 
     def warm_up(self) -> None:
         """Compile what contact needs."""
@@ -65,7 +67,7 @@ class Contact:
         a, b = self._bodies[:2]
         shared_nodes(a, b)
         none, nothing = np.zeros(0, np.int64), np.zeros(0)
-        arrays = a.grid.vx, a.grid.vy, b.grid.vx, b.grid.vy, np.zeros(4), np.zeros(4, np.int64)
+        arrays = a.grid.vx, a.grid.vy, b.grid.vx, b.grid.vy, nothing, np.zeros(4), np.zeros(4, np.int64)
         meet(none, none, np.zeros((2, 0)), nothing, 0.0, nothing, nothing, *arrays)
 
     def detect(self) -> None:
@@ -108,12 +110,14 @@ class Contact:
 
     def _meet(self, a: int, b: int, friction: float, touching: Touching, step: float) -> None:
         first, second = self._bodies[a], self._bodies[b]
-        totals, counts = np.zeros(4), np.zeros(4, np.int64)
+        totals, counts, pushes = np.zeros(4), np.zeros(4, np.int64), np.zeros(touching.nodes.shape[1])
         meet(
             touching.nodes[0], touching.nodes[1], touching.normal, np.maximum(touching.gap, 0.0) / step, friction,
             first.inverse_mass(touching.nodes[0]), second.inverse_mass(touching.nodes[1]),
-            first.grid.vx, first.grid.vy, second.grid.vx, second.grid.vy, totals, counts,
+            first.grid.vx, first.grid.vy, second.grid.vx, second.grid.vy, pushes, totals, counts,
         )  # fmt: skip
+        if first.rigid or second.rigid:
+            self._floor_loads.append((first.corner[0] + touching.nodes[0] // first.width, pushes))
         self.impulse[a] -= totals[:2]
         self.impulse[b] += totals[:2]
         self.work += totals[2]
@@ -122,6 +126,27 @@ class Contact:
                 self.work_of_rigid += sign * float(totals[:2] @ body.rigid_velocity)
         for name, count in zip(("contact_nodes", "contact_C2", "contact_C3", "contact_C4"), counts, strict=True):
             self.violations[name] += int(count)
+
+    def begin_record(self) -> None:
+        """Keep the loads on rigid bodies since the last record apart."""
+        self._last_floor_loads, self._floor_loads = self._floor_loads, []
+
+    def pressure_on_floor(self, order: int) -> dict[str, float]:
+        """Half-width and peak of the pressure on a rigid floor along x between the last two records.
+
+        The half-width is that of an ellipse with the load's second moment, less that of the splines that spread it.
+        Both are empty without load; widths in cells, the peak as a share of the whole load for each cell.
+        """
+        if not self._last_floor_loads:
+            return {}
+        columns = np.concatenate([columns for columns, _ in self._last_floor_loads])
+        pushes = np.concatenate([pushes for _, pushes in self._last_floor_loads])
+        load = np.bincount(columns - columns.min(), weights=pushes)
+        if not load.sum() > 0.0:
+            return {}
+        share, place = load / load.sum(), np.arange(len(load))
+        moment = share @ (place - share @ place) ** 2 - (order + 1) / 12.0
+        return {"half_width": 2.0 * float(np.sqrt(max(moment, 0.0))), "peak": float(share.max())}
 
     def _check_impenetrability(self, a: int, b: int, touching: Touching, step: float) -> None:
         """C.3 once more: another pair may have pushed this one together again."""
@@ -159,11 +184,12 @@ def _shared(mass_a, width_a, ia, ja, mass_b, width_b, ib, jb, n_x, n_y):
 
 
 @njit(cache=True)
-def meet(nodes_a, nodes_b, normal, allowed, friction, inverse_a, inverse_b, vxa, vya, vxb, vyb, totals, counts):
+def meet(nodes_a, nodes_b, normal, allowed, friction, inverse_a, inverse_b, vxa, vya, vxb, vyb, pushes, totals, counts):
     """Impulses between two bodies at their shared nodes, and the checks of Algorithm 3.
 
     ``allowed`` (n,) is the normal speed at which the gap closes within the step; ``inverse_a, inverse_b`` (n,) are
-    inverse masses, 0 of a rigid body. ``totals``: impulse x, y on the second body and the work on both;
+    inverse masses, 0 of a rigid body. ``pushes`` (n,): normal impulses;
+    ``totals``: impulse x, y on the second body and the work on both;
     ``counts``: nodes in contact, violations of C.2, C.3, C.4.
     """
     for n in range(len(nodes_a)):
@@ -174,6 +200,7 @@ def meet(nodes_a, nodes_b, normal, allowed, friction, inverse_a, inverse_b, vxa,
             continue
         reduced = 1.0 / (inverse_a[n] + inverse_b[n])
         push = reduced * approach  # Eqs. 6.32, 6.35, times the step
+        pushes[n] = push
         slip = -rx * ny + ry * nx
         stick = reduced * slip  # Eq. 6.37
         drag = min(friction * push, abs(stick)) * np.sign(stick)  # Eq. 6.38

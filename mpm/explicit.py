@@ -153,7 +153,7 @@ class ExplicitMaterialPoints:
 
     def _count_boundary_work(self, impulses: NDArray, size: float) -> None:
         work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
-        work += size * self._tractions.power()
+        work += size * (self._tractions.power() + sum(body.damping_power() for body in self._moving))
         self._boundary_work += work
         self._boundary_power = work / size
 
@@ -183,6 +183,7 @@ class ExplicitMaterialPoints:
     def monitored(self) -> dict[str, float]:
         """Motion of each body as a whole, and the impulse that contact has given it."""
         columns: dict[str, float] = {}
+        self.contact.begin_record()
         for body, impulse in zip(self.bodies, self.contact.impulse, strict=True):
             columns |= body.motion()
             if len(self.bodies) > 1:
@@ -242,8 +243,15 @@ class ExplicitMaterialPoints:
         )
 
     def measures(self) -> dict[str, float]:
-        """Errors against the exact solution where there is one."""
-        return moving_errors(self.case, self.fields())
+        """Errors against the exact solution where there is one; half-width and peak of the pressure on a floor."""
+        errors = moving_errors(self.case, self.fields())
+        pressed = self.contact.pressure_on_floor(self.case.mpm.order)
+        if pressed and self.case.dynamics is not None:
+            weight = -self.case.dynamics.gravity[1] * sum(body.points.mass.sum() for body in self._moving)
+            area = self.case.mesh.h * self.case.plane.thickness
+            errors["contact_half_width"] = self.case.mesh.h * pressed["half_width"]
+            errors["peak_pressure"] = weight * pressed["peak"] / area
+        return errors
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Arrays from which `restore` makes the state again."""

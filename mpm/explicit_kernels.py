@@ -304,14 +304,14 @@ def degraded_stresses(exx, eyy, gxy, lam, mu, split, g, sxx, syy, sxy, psi_plus,
 
 
 @njit(cache=True, parallel=True)
-def trial_velocities(width, step, gravity_x, gravity_y, m, px, py, fx, fy, old_x, old_y, vx, vy):
+def trial_velocities(width, step, gravity_x, gravity_y, damping, m, px, py, fx, fy, old_x, old_y, vx, vy):
     """Velocities of the nodes before the step, from their momenta, and without contact after it (Eqs. 6.26, 6.27)."""
     for row in prange(len(m) // width):
         for node in range(row * width, (row + 1) * width):
             if m[node] > 0.0:
                 over = 1.0 / m[node]
                 old_x[node], old_y[node] = px[node] * over, py[node] * over
-                vx[node] = old_x[node] + step * (fx[node] * over + gravity_x)
-                vy[node] = old_y[node] + step * (fy[node] * over + gravity_y)
+                vx[node] = old_x[node] + step * (fx[node] * over + gravity_x - damping * old_x[node])
+                vy[node] = old_y[node] + step * (fy[node] * over + gravity_y - damping * old_y[node])
             else:
                 old_x[node] = old_y[node] = vx[node] = vy[node] = 0.0

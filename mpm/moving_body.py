@@ -232,7 +232,7 @@ class MovingBody:
         assert self._dynamics is not None
         gravity = (0.0, 0.0) if self.rigid else self._dynamics.gravity
         explicit_kernels.trial_velocities(
-            self.width, step, *gravity, grid.m, grid.px, grid.py, grid.fx, grid.fy,
+            self.width, step, *gravity, self._dynamics.damping, grid.m, grid.px, grid.py, grid.fx, grid.fy,
             grid.old_x, grid.old_y, grid.vx, grid.vy,
         )  # fmt: skip
         if self.rigid:
@@ -348,6 +348,11 @@ class MovingBody:
         if self.breakable:
             return p.g * p.psi_plus + p.psi_minus
         return 0.5 * (p.sxx * p.exx + p.syy * p.eyy + p.sxy * p.gxy)
+
+    def damping_power(self) -> float:
+        """Power of the damping in this step, at most zero [energy/time]."""
+        grid, rate = self.grid, self._dynamics.damping if self._dynamics else 0.0
+        return -rate * float(grid.m @ (grid.old_x * grid.vx + grid.old_y * grid.vy)) if rate else 0.0
 
     def motion(self) -> dict[str, float]:
         """Centre of mass, momentum and angular velocity of the body as a whole."""

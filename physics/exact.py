@@ -119,6 +119,11 @@ SOLUTIONS: dict[str, ExactSolution] = {
         stress=exact_motion.spinning_stress,
     ),
     "sliding_block": ExactSolution(values={"travel": exact_motion.sliding_distance}),
+    "line_contact": ExactSolution(
+        values={
+            "contact_half_width": exact_motion.contact_half_width, "peak_pressure": exact_motion.peak_pressure,
+        }
+    ),
     "rolling_cylinder": ExactSolution(
         values={"travel": exact_motion.rolling_distance, "angular_velocity": exact_motion.rolling_spin}
     ),

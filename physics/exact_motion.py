@@ -153,3 +153,26 @@ def rolling_spin(case: Case, *, body: str, time: float) -> float:
     assert shape is not None and shape.disc is not None
     rate = 2.0 * case.contact.friction * into if along > 3.0 * case.contact.friction * into else 2.0 * along / 3.0
     return -rate * time / shape.disc.radius
+
+
+# --- a cylinder that rests on a rigid floor ------------------------------------------------------------------
+
+
+def _line_load(case: Case) -> tuple[float, float, float]:
+    """Weight over thickness [force/length], radius, and E / (1 - nu²) of a cylinder on a rigid floor."""
+    body, material = _first(case)
+    assert body.shape is not None and body.shape.disc is not None
+    radius = body.shape.disc.radius
+    weight = material.density * np.pi * radius**2 * _gravity(case)[1]
+    return weight, radius, material.young_modulus / (1.0 - material.poisson_ratio**2)
+
+
+def contact_half_width(case: Case) -> float:
+    """Hertz's a = sqrt(4 P R / (pi E*)) [length]."""
+    weight, radius, stiffness = _line_load(case)
+    return float(np.sqrt(4.0 * weight * radius / (np.pi * stiffness)))
+
+
+def peak_pressure(case: Case) -> float:
+    """Hertz's p0 = 2 P / (pi a) [stress]."""
+    return 2.0 * _line_load(case)[0] / (np.pi * contact_half_width(case))

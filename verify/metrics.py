@@ -269,11 +269,11 @@ def _number(case: Case, dotted: str) -> float:
 MEASURE_PREFIX = "measure:"
 
 
-def _measured(name: str, meaning: str) -> Metric:
+def _measured(name: str, meaning: str, unit: str = "number") -> Metric:
     def value(run: RunData) -> float:
         return measure(run, name=name)
 
-    return Metric(name, "number", meaning, value)
+    return Metric(name, unit, meaning, value)
 
 
 def _registry(*metrics: Metric) -> dict[str, Metric]:
@@ -349,6 +349,8 @@ METRICS = _registry(
     _measured("element_quality", "least scaled Jacobian of the moved elements"),
     _measured("profile_error", "error of the phase-field profile"),
     _measured("l2_error_displacement", "relative L2 error of the displacement"),
+    _measured("contact_half_width", "half-width of the pressure on a floor", "length"),
+    _measured("peak_pressure", "largest pressure on a floor under the bodies' weight", "stress"),
     _measured("l2_error_stress", "relative L2 error of the stress"),
     _measured("l2_error_phase_field", "relative L2 error of the phase field"),
 )
