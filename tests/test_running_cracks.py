@@ -1,0 +1,148 @@
+"""Metrics of running cracks on synthetic runs, frames of moving runs, and the film made of them."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_crack_front import FORK, LENGTH_SCALE, SPEED, START, H, branched_crack, lattice
+
+from cases.material import Fracture, Material
+from cases.notches import HistoryNotch
+from numerics.fields import Fields
+from reports.film import film
+from verify.errors import MetricError
+from verify.frames import MOST_POINTS, FrameWriter, read_frames
+from verify.metrics import METRICS, PAIR_METRICS
+
+GLASS = Material(
+    young=32000.0, poisson=0.2, density=2450.0, fracture=Fracture(toughness=0.003, length_scale=LENGTH_SCALE)
+)
+
+
+def synthetic_run(broken: bool = True, shift: float = 0.0):
+    """A run whose crack is drawn: a notch to START, broken from the first, and a fork behind it."""
+    points = lattice()
+    phase, when = branched_crack(points)
+    in_notch = (np.abs(points[:, 1] - START[1]) < 0.5) & (points[:, 0] < START[0])
+    when, phase = np.where(in_notch, 0.0, when + 1.0), np.where(in_notch, 0.0, phase)
+    if not broken:
+        when, phase = np.full(len(points), np.nan), np.ones(len(points))
+    data = {
+        "reference": np.column_stack([points, np.zeros(len(points))]), "phase_field": phase, "broken_at": when,
+        "volume": np.full(len(points), (0.5 * H) ** 2), "body": np.zeros(len(points)),
+    }  # fmt: skip
+    time = np.linspace(0.0, 50.0, 51)
+    history = pd.DataFrame({"time": time, "E_el": 0.01 * time, "E_frac": 0.5 + 0.02 * time + shift})
+    case = SimpleNamespace(
+        name="drawn", mesh=SimpleNamespace(h=H), plane=SimpleNamespace(thickness=1.0), materials={"glass": GLASS},
+        notches=(HistoryNotch(kind="history", start=(0.0, 20.0), end=tuple(START), factor=1000.0),),
+    )  # fmt: skip
+    snapshot = (50.0, 50, SimpleNamespace(point_data=data))
+    info = {"run": "drawn", "seconds": {"phase_field": 2.0, "increments": 8.0}}
+    nothing = np.empty((0, 2))
+    return SimpleNamespace(history=history, info=info, case=case, crack_path=nothing, snapshots=lambda: [snapshot])
+
+
+@pytest.mark.parametrize(
+    ("metric", "parameters", "expected", "error"),
+    [
+        ("initiation_time", {}, 1.0, 2 * LENGTH_SCALE / SPEED),
+        ("stored_energy_at_initiation", {}, 0.01, 0.02 * LENGTH_SCALE / SPEED),
+        ("branching_time", {}, 1.0 + np.linalg.norm(FORK - START) / SPEED, 3 * H / SPEED),
+        ("branching_angle", {"length": 10.0}, 60.0, 3.0),
+        ("branch_count", {}, 2.0, 0.0),
+        ("tip_speed", {"interval": 1.0}, SPEED, 0.25 * SPEED),
+        ("tip_speed", {"interval": 1.0, "over_rayleigh": 1}, SPEED / 2.12521, 0.25 * SPEED / 2.12521),
+        ("fragments", {}, 1.0, 0.0),
+        ("fracture_energy_gain", {"after": 10.0, "until": 20.0}, 0.2, 1e-12),
+        ("phase_field_share", {}, 0.25, 1e-12),
+    ],
+)
+def test_metrics_of_a_drawn_crack(metric, parameters, expected, error):
+    assert METRICS[metric](synthetic_run(), **parameters) == pytest.approx(expected, abs=error + 1e-12)
+
+
+def test_a_drawn_crack_is_symmetric_about_its_own_axis_only():
+    assert METRICS["asymmetry"](synthetic_run(), direction="y", middle=20.0) < 1e-12
+    assert METRICS["asymmetry"](synthetic_run(), direction="x", middle=30.0) > 0.9
+    with pytest.raises(MetricError, match="give 'x' or 'y'"):
+        METRICS["asymmetry"](synthetic_run(), direction="z", middle=0.0)
+
+
+@pytest.mark.parametrize("metric", ["initiation_time", "branching_time"])
+def test_where_nothing_breaks_there_is_no_value(metric):
+    with pytest.raises(MetricError, match="nothing broke"):
+        METRICS[metric](synthetic_run(broken=False))
+
+
+def test_histories_differ_by_their_largest_distance():
+    difference = PAIR_METRICS["history_difference"]
+    run, reference = synthetic_run(shift=0.1), synthetic_run()
+    assert difference(run, reference, column="E_frac") == pytest.approx(0.1 / 1.5)
+    assert difference(run, reference, column="E_frac", until=10.0) == pytest.approx(0.1 / 0.7)
+    assert difference(run, reference, column="E_frac", since_start=1) == pytest.approx(0.0)
+    with pytest.raises(MetricError, match="has no column E_none"):
+        difference(run, reference, column="E_none")
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+
+def fields_at(time: float, count: int = 50) -> Fields:
+    """A square of points that moves to the right, the lower half of it broken after a while."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, count), np.linspace(0.0, 1.0, count))
+    reference = np.column_stack([x.ravel(), y.ravel()])
+    n, nothing = len(reference), np.zeros((len(reference), 2))
+    phase = np.where((reference[:, 1] < 0.5) & (time > 1.5), 0.0, 1.0)
+    moved = np.tile([time, 0.0], (n, 1))
+    return Fields(
+        points=reference + moved, reference=reference, volume=np.ones(n), displacement=moved, gradient=np.zeros((n, 4)),
+        phase_field=phase, history_field=np.zeros(n), stress=np.tile([3.0, 1.0, 0.0], (n, 1)), energy_density=np.zeros(n),
+        body=np.zeros(n, int), grid_points=nothing, grid_cells=np.zeros((1, 4), int), grid_displacement=nothing,
+        grid_phase_field=np.ones(n),
+    )  # fmt: skip
+
+
+def write_frames(folder: Path, until: float = 3.0, after: float = -np.inf, count: int = 50) -> None:
+    writer = FrameWriter(folder / "frames", (0.0, 1.0, 2.0, 3.0), after)
+    for time in np.arange(0.0, until + 0.01, 0.25):
+        if time > after:
+            writer.record(SimpleNamespace(u=time), SimpleNamespace(fields=lambda now=time: fields_at(now, count)))
+
+
+def test_frames_come_at_their_times_and_hold_the_points(tmp_path):
+    write_frames(tmp_path)
+    frames = list(read_frames(tmp_path))
+    assert [frame.time for frame in frames] == [0.0, 1.0, 2.0, 3.0]
+    np.testing.assert_allclose(frames[2].displacement[:, 0], 2.0)
+    np.testing.assert_allclose(frames[2].hydrostatic_stress, 2.0)
+    assert frames[1].phase_field.min() == 1.0 and frames[2].phase_field.min() == 0.0
+
+
+def test_a_resumed_run_writes_the_frames_that_are_left(tmp_path):
+    write_frames(tmp_path, until=1.0)
+    write_frames(tmp_path, after=1.0)
+    assert [frame.time for frame in read_frames(tmp_path)] == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_frames_of_many_points_hold_some_of_them(tmp_path):
+    write_frames(tmp_path, until=0.0, count=300)
+    (frame,) = read_frames(tmp_path)
+    assert 0.4 * MOST_POINTS < len(frame.reference) <= MOST_POINTS
+
+
+def test_a_run_without_frames_has_none(tmp_path):
+    assert list(read_frames(tmp_path)) == []
+
+
+def test_the_film_has_a_picture_for_each_frame(tmp_path):
+    write_frames(tmp_path)
+    run = SimpleNamespace(name="mpm", solver="mpm", folder=SimpleNamespace(folder=tmp_path))
+    results = SimpleNamespace(main_runs=lambda largest=2: [run], unit=lambda kind: kind)
+    made = film(results, tmp_path / "figures")
+    assert made.times == [0.0, 1.0, 2.0, 3.0] and len(made.files) == 4
+    assert all((tmp_path / "figures" / file).stat().st_size > 2000 for file in made.files)
+    run.folder.folder = tmp_path / "nowhere"
+    assert film(results, tmp_path / "figures") is None
