@@ -10,14 +10,14 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from cases.errors import BrokenRuleError
 from cases.geometry import Box
 from cases.table import Name, Switch, Table, Whole
-from cases.units import Length, Number, quantity
+from cases.units import Length, Number, Time, Velocity, quantity
 
 # smallest increment = increment / SMALLEST_SHARE where the file gives none: six halvings.
 SMALLEST_SHARE = 64
 
 
 class Constraint(Table):
-    """What is prescribed on a boundary set: exactly one of scale, value, motion, tied.
+    """What is prescribed on a boundary set: exactly one of scale, value, velocity, motion, tied.
 
     Attributes
     ----------
@@ -25,6 +25,7 @@ class Constraint(Table):
     direction : "x", "y" (displacement) or "phase" (phase field); left out with `motion`
     scale : displacement = scale * load parameter u
     value : constant displacement [length] or phase field
+    velocity : constant velocity, in dynamics only [length/time]
     motion : name of an exact field that prescribes both displacements
     tied : all points of the set share one free displacement in this direction
     """
@@ -33,6 +34,7 @@ class Constraint(Table):
     direction: Literal["x", "y", "phase"] | None = None
     scale: Number | None = None
     value: Annotated[float, Field(json_schema_extra={"type": ["number", "string"]})] | None = None
+    velocity: Velocity | None = None
     motion: Name | None = None
     tied: Switch = False
 
@@ -43,11 +45,11 @@ class Constraint(Table):
 
     @model_validator(mode="after")
     def _prescribes_one_thing(self) -> Constraint:
-        given = [key for key in ("scale", "value", "motion") if getattr(self, key) is not None]
+        given = [key for key in ("scale", "value", "velocity", "motion") if getattr(self, key) is not None]
         given += ["tied"] if self.tied else []
         if len(given) != 1:
             text = f"prescribes {' and '.join(given) or 'nothing'}"
-            raise BrokenRuleError(text, "give exactly one of scale, value, motion, tied")
+            raise BrokenRuleError(text, "give exactly one of scale, value, velocity, motion, tied")
         self._direction_fits(given[0])
         return self
 
@@ -164,7 +166,8 @@ class Mpm(Table):
     Attributes
     ----------
     order : polynomial order of the B-splines
-    placement : of the points in their cells: on Gauss points, regularly, or at random
+    placement : of the points in their cells: on Gauss points, regularly, or at random; in dynamics also on the
+        circles of discs and rings, other bodies having regular ones
     points_per_cell : per direction
     constraints_on : the edges of the points at the boundary or the points themselves, both by a penalty, or
         the nodes of the grid
@@ -177,7 +180,7 @@ class Mpm(Table):
     """
 
     order: Literal[1, 2, 3] = 2
-    placement: Literal["gauss", "regular", "random"] = "gauss"
+    placement: Literal["gauss", "regular", "random", "rings"] = "gauss"
     points_per_cell: Annotated[Whole, Field(ge=1, le=16)] = 2
     seed: Annotated[Whole, Field(ge=0)] = 0
     constraints_on: Literal["edges", "points", "nodes"] = "edges"
@@ -214,6 +217,12 @@ class Output(Table):
     """What is written.
 
     snapshots : load parameters at which fields are written, besides the last state [length]
+    times : the same for dynamics [time]
+    frames : number of pictures of a dynamic run for its animation, evenly spaced in time, besides the first state
+    records : number of evenly spaced rows of the history of a dynamic run
     """
 
     snapshots: tuple[Length, ...] = ()
+    times: tuple[Annotated[Time, Field(ge=0)], ...] = ()
+    frames: Annotated[Whole, Field(ge=0)] = 0
+    records: Annotated[Whole, Field(ge=1)] = 200

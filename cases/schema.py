@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cases.boundaries import EDGES, BoundarySet
+from cases.dynamics import Contact, Dynamics, Traction
 from cases.errors import BrokenRuleError
 from cases.files import existing_file, read_curve
 from cases.geometry import SLACK, Array, Bounds, Shape, mesh_outline, size_of
@@ -21,12 +22,12 @@ from cases.judging import TIERS, Check, Reference, Run, RunSpec, TierName
 from cases.material import Material
 from cases.notches import Notch
 from cases.numerical import Constraint, Load, Mesh, Mpm, Output, Staggered
-from cases.table import Name, Table, nearest, require_one
-from cases.units import Length, Units
+from cases.table import Name, Switch, Table, nearest, require_one
+from cases.units import Length, Rate, Units, Velocity
 
 MESH_SUFFIXES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".mesh", ".xdmf", ".e", ".exo")
 # What a tier may change: resolution and loading, nothing of the problem itself.
-TIER_TABLES = ("mesh", "mpm", "load", "staggered", "output", "runs")
+TIER_TABLES = ("mesh", "mpm", "load", "dynamics", "staggered", "output", "runs")
 # What a run may not change: what the file is, and how it is judged.
 KEPT_BY_RUNS = ("title", "section", "requirement", "units", "runs", "tiers", "references", "checks", "exact")
 # Keys that say nothing about what is computed.
@@ -34,6 +35,8 @@ _PROSE_AND_JUDGING = {"title", "section", "requirement", "runs", "tiers", "refer
 _NOT_HASHED = _PROSE_AND_JUDGING | {"name", "tier", "run", "folder", "source"}
 # Cells of spacing h in one direction; more is a slip of the pen.
 MOST_CELLS = 100_000
+# The load of a case that gives dynamics instead.
+AT_REST = Load(path=(0.0,))
 # Bodies overlap when they share more than this part of the smaller one.
 _OVERLAP = 1e-6
 
@@ -49,11 +52,17 @@ class Body(Table):
     """A body of one material: a shape, or a mesh file with coordinates in the units of the case.
 
     mesh : absolute path
+    rigid : keeps its velocity in a dynamic run, whatever it meets
+    velocity : at the start of a dynamic run, at the middle of the body's bounding box [length/time]
+    velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]] [1/time]
     """
 
     material: Name
     shape: Shape | None = None
     mesh: Path | None = None
+    rigid: Switch = False
+    velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
+    velocity_gradient: tuple[tuple[Rate, Rate], tuple[Rate, Rate]] = ((0.0, 0.0), (0.0, 0.0))
 
     @field_validator("mesh")
     @classmethod
@@ -84,6 +93,11 @@ class Body(Table):
             return self.shape.contains(points, slack)
         return shapely.dwithin(self._mesh_outline(), shapely.points(np.asarray(points, dtype=float)), slack)
 
+    def initial_velocity(self, points: ArrayLike) -> Array:
+        """Velocity (n, 2) at points (n, 2) of the body at the start [length/time]."""
+        middle = np.mean(self.bounds(), axis=0)
+        return np.asarray(self.velocity) + (np.asarray(points) - middle) @ np.asarray(self.velocity_gradient).T
+
     def _mesh_outline(self) -> shapely.geometry.base.BaseGeometry:
         assert self.mesh is not None
         return mesh_outline(self.mesh)
@@ -103,7 +117,10 @@ class CaseDescription(Table):
     notches: tuple[Notch, ...] = ()
     boundaries: dict[Name, BoundarySet] = Field(default_factory=dict, validate_default=True)
     constraints: tuple[Constraint, ...] = ()
-    load: Load
+    load: Load = AT_REST
+    dynamics: Dynamics | None = None
+    tractions: tuple[Traction, ...] = ()
+    contact: Contact = Contact()
     mesh: Mesh
     mpm: Mpm = Mpm()
     staggered: Staggered = Staggered()
@@ -138,6 +155,7 @@ class CaseDescription(Table):
     @model_validator(mode="after")
     def _fits_together(self) -> CaseDescription:
         self._names_are_defined()
+        self._is_static_or_dynamic()
         self._length_scales_are_resolved()
         self._basis_is_smooth_enough()
         self._bodies_are_apart()
@@ -169,6 +187,24 @@ class CaseDescription(Table):
     def fracture_enabled(self) -> bool:
         """Some body has a material that can break."""
         return any(self.materials[body.material].fracture is not None for body in self.bodies.values())
+
+    @property
+    def snapshots(self) -> tuple[float, ...]:
+        """Load parameters, or times of a dynamic case, at which fields are written."""
+        return self.output.snapshots if self.dynamics is None else self.output.times
+
+    @property
+    def frame_times(self) -> tuple[float, ...]:
+        """Times at which frames are written, the first and the last one of the run among them; none in statics."""
+        if self.dynamics is None or not self.output.frames:
+            return ()
+        return tuple(map(float, np.linspace(0.0, self.dynamics.end_time, self.output.frames + 1)))
+
+    def friction(self, first: int, second: int) -> float:
+        """Coulomb's coefficient between two bodies, by their numbers."""
+        names = list(self.bodies)
+        wanted = {names[first], names[second]}
+        return next((p.friction for p in self.contact.pairs if set(p.bodies) == wanted), self.contact.friction)
 
     def run_specs(self) -> dict[str, RunSpec]:
         """Every run by its name, sweeps expanded."""
@@ -203,6 +239,40 @@ class CaseDescription(Table):
                 text = f"prescribes direction {constraint.direction} of '{constraint.on}' again"
                 raise BrokenRuleError(text, "remove one of the two", f"constraints[{number}]")
             prescribed.add((constraint.on, constraint.direction))
+        for number, traction in enumerate(self.tractions):
+            _defined(traction.on, list(self.boundaries), f"tractions[{number}].on", "boundary")
+        for number, pair in enumerate(self.contact.pairs):
+            for name in pair.bodies:
+                _defined(name, list(self.bodies), f"contact.pairs[{number}].bodies", "body")
+
+    def _is_static_or_dynamic(self) -> None:
+        if ("load" in self.model_fields_set) == (self.dynamics is not None):
+            has = "both" if self.dynamics else "neither"
+            raise BrokenRuleError(
+                f"has {has} of the tables load and dynamics", "give one of them", "load" if self.dynamics else ""
+            )
+        (self._fits_dynamics if self.dynamics else self._fits_statics)()
+
+    def _fits_statics(self) -> None:
+        moving = ["tractions"] if self.tractions else []
+        moving += [f"constraints[{n}].velocity" for n, c in enumerate(self.constraints) if c.velocity is not None]
+        moving += ["output.times"] if self.output.times or self.output.frames else []
+        if moving:
+            raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
+
+    def _fits_dynamics(self) -> None:
+        for name in {body.material: None for body in self.bodies.values()}:
+            if self.materials[name].density is None:
+                raise BrokenRuleError("is missing", "add it, since dynamics needs mass", f"materials.{name}.density")
+        for number, constraint in enumerate(self.constraints):
+            if constraint.velocity is None and constraint.value is None:
+                text = "does not apply in dynamics"
+                raise BrokenRuleError(text, "give value = 0 or a velocity", f"constraints[{number}]")
+            if constraint.value and constraint.direction != "phase":
+                remedy = "give value = 0 or a velocity"
+                raise BrokenRuleError("is a jump in time", remedy, f"constraints[{number}].value", constraint.value)
+        if self.output.snapshots:
+            raise BrokenRuleError("are load parameters", "give output.times instead", "output.snapshots")
 
     def _length_scales_are_resolved(self) -> None:
         for name, material in self.materials.items():

@@ -25,10 +25,14 @@ KINDS: dict[str, tuple[int, int, int]] = {
     "time": (0, 0, 1),
     "density": (1, -4, 2),
     "velocity": (0, 1, -1),
+    "acceleration": (0, 1, -2),
+    "rate": (0, 0, -1),
+    "momentum": (1, 0, 1),
 }
 
 _EXAMPLES = {"length": "0.5 mm", "stress": "210 GPa", "toughness": "2.7 N/mm", "density": "7850 kg/m^3",
-             "time": "1 s", "force": "1 kN", "number": "0.3"}  # fmt: skip
+             "time": "1 s", "force": "1 kN", "number": "0.3", "velocity": "1 m/s",
+             "acceleration": "9.81 m/s^2", "rate": "1/s"}  # fmt: skip
 # A number and a product of units; exponents are single digits, so that no string can ask for a huge power.
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _UNIT = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)-?[1-9]|[²³⁴])?"
@@ -143,4 +147,8 @@ Length = Annotated[float, _reader("length")]
 Stress = Annotated[float, _reader("stress")]
 Toughness = Annotated[float, _reader("toughness")]
 Density = Annotated[float, _reader("density")]
+Time = Annotated[float, _reader("time")]
+Velocity = Annotated[float, _reader("velocity")]
+Acceleration = Annotated[float, _reader("acceleration")]
+Rate = Annotated[float, _reader("rate")]
 Point = tuple[Length, Length]

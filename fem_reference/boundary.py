@@ -70,6 +70,17 @@ class NodeConstraints:
             values[2 * nodes], values[2 * nodes + 1] = displacement.T
         return values
 
+    def prescribed_velocity(self) -> NDArray:
+        """Velocities (2 n_nodes,) of the prescribed unknowns of a moving case [length/time], zero elsewhere."""
+        velocity = np.zeros(2 * len(self._nodes))
+        tolerance = 1e-6 * self._case.mesh.h
+        for constraint in self._case.constraints:
+            if constraint.velocity is not None:
+                box = self._case.bounding_box()
+                selected = np.flatnonzero(self._case.boundaries[constraint.on].select(self._nodes, tolerance, box=box))
+                velocity[2 * selected + COMPONENTS[constraint.direction]] = constraint.velocity
+        return velocity
+
     def prescribed_rates(self, load: float) -> NDArray:
         """Change of the prescribed values with the load (2 n_nodes,), zero where free."""
         rates = self._scale.copy()

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 import numpy as np
-import skfem
 from numpy.typing import NDArray
 
 from cases import Case
@@ -20,12 +19,12 @@ from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from numerics.staggered import NewtonError
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
-from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, notch_history
+from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, initial_history
 
 from . import kernels
 from .boundary import NodeConstraints
+from .element_basis import ElementBasis
 from .mesh_arrays import MeshError
-from .meshing import build_mesh
 from .quality import scaled_jacobian
 from .smooth_basis import SmoothBasis
 
@@ -39,28 +38,18 @@ class FiniteElements:
 
     def __init__(self, case: Case) -> None:
         self.case, self.costs = case, Costs()
-        built = build_mesh(case)
-        self.nodes = np.ascontiguousarray(built.mesh.p.T)
-        self.elements = np.ascontiguousarray(built.mesh.t.T.astype(np.int32))
         materials = MaterialTable(case)
         self._fourth_order = bool(materials.fourth_order.any())
-        self._evaluate_basis(built.mesh)
-        self._set_materials(materials, built.body)
+        basis = ElementBasis(case, quadrature_order=5 if self._fourth_order else 2)
+        self._gauss = basis.reference_points
+        self.nodes, self.elements, self.gauss_points = basis.nodes, basis.elements, basis.gauss_points
+        self.shape, self.slope, self.volume = basis.shape, basis.slope, basis.volume
+        self._first_slope, self._first_volume = basis.slope, basis.volume
+        self._set_materials(materials, basis.body)
         self._set_equations()
         self._set_initial_state()
 
     # ---------------------------------------------------------------- set-up
-
-    def _evaluate_basis(self, mesh: skfem.Mesh) -> None:
-        element = skfem.ElementQuad1() if isinstance(mesh, skfem.MeshQuad) else skfem.ElementTriP1()
-        basis = skfem.Basis(mesh, element, intorder=5 if self._fourth_order else 2)
-        self._gauss = basis.X
-        fields = [local[0] for local in basis.basis]
-        self.shape = np.array([np.asarray(f)[0] for f in fields]).T.copy()
-        self.slope = np.ascontiguousarray(np.stack([f.grad for f in fields]).transpose(2, 3, 0, 1))
-        self.volume = np.ascontiguousarray(basis.dx) * self.case.plane.thickness
-        self._first_slope, self._first_volume = self.slope, self.volume
-        self.gauss_points = np.einsum("qa,eai->eqi", self.shape, self.nodes[self.elements])
 
     def _set_materials(self, materials: MaterialTable, body: NDArray) -> None:
         self._body = body
@@ -142,16 +131,9 @@ class FiniteElements:
         )
 
     def _initial_history(self) -> NDArray:
-        history_field = np.zeros(self.volume.size)
-        toughness = np.broadcast_to(self._coefficients.toughness, self.volume.shape).ravel()
-        length_scale = np.broadcast_to(self._coefficients.length_scale, self.volume.shape).ravel()
-        points = self.gauss_points.reshape(-1, 2)
-        for notch in self.case.notches:
-            if notch.kind == "history":
-                start, end = np.array(notch.start), np.array(notch.end)
-                crack = notch_history(points, start, end, notch.factor, toughness, length_scale)
-                history_field = np.maximum(history_field, crack)
-        return history_field
+        toughness = np.broadcast_to(self._coefficients.toughness, self.volume.shape)
+        length_scale = np.broadcast_to(self._coefficients.length_scale, self.volume.shape)
+        return initial_history(self.case, self.gauss_points, toughness, length_scale).ravel()
 
     # ---------------------------------------------------------------- staggered scheme
 

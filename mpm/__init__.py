@@ -1,5 +1,6 @@
 """The phase-field Material Point Method."""
 
+from .explicit import ExplicitMaterialPoints
 from .solver import MaterialPoints
 
-__all__ = ["MaterialPoints"]
+__all__ = ["ExplicitMaterialPoints", "MaterialPoints"]

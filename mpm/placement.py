@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.geometry import Shape
 from cases.spacing import grid_lines
 
 
@@ -47,6 +48,62 @@ def place_points(case: Case) -> PointCloud:
     body = case.inside(positions)
     kept = (body >= 0) & ~_in_notch(case, positions)
     return PointCloud(positions[kept], volume[kept], size[kept], corner[kept], body[kept])
+
+
+def place_in_bodies(case: Case) -> PointCloud:
+    """Points of a case whose bodies move: each body has cells of its own, as many as fit its bounding box.
+
+    The cells are at most h wide, so that a rectangle keeps its area and a symmetric body its symmetry. Placed on
+    "rings", the points of discs and of rings lie on circles: a regular pattern would make polygons of them, which
+    tip instead of rolling. Other bodies then have regular ones.
+    """
+    clouds = [_place_in_body(case, number) for number in range(len(case.bodies))]
+    return PointCloud(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
+
+
+def _place_in_body(case: Case, number: int) -> tuple[NDArray, ...]:
+    """Positions, volumes, sizes, corners and body numbers of the points of one body."""
+    body = list(case.bodies.values())[number]
+    circles = _circles(body.shape) if case.mpm.placement == "rings" else None
+    if circles is not None:
+        positions, size = _on_rings(*circles, case.mesh.h / case.mpm.points_per_cell)
+        corner = -0.5 * size
+    else:
+        lower, upper = body.bounds()
+        n_x, n_y = np.maximum(1, np.ceil((upper - lower) / case.mesh.h - 1e-6)).astype(int)
+        width = (upper - lower) / (n_x, n_y)
+        cells = np.stack(np.meshgrid(np.arange(n_x), np.arange(n_y), indexing="ij"), -1).reshape(-1, 1, 2)
+        local, start, extent = _local_points(case, len(cells))
+        positions = (lower + width * (cells + local)).reshape(-1, 2)
+        size = np.broadcast_to(width * extent, (len(cells), *extent.shape[1:])).reshape(-1, 2)
+        corner = np.broadcast_to(width * (start - local), (len(cells), *extent.shape[1:])).reshape(-1, 2)
+    kept = (case.inside(positions) == number) & ~_in_notch(case, positions)
+    volume = size.prod(axis=1) * case.plane.thickness
+    return positions[kept], volume[kept], size[kept], corner[kept], np.full(kept.sum(), number)
+
+
+def _circles(shape: Shape | None) -> tuple[NDArray, float, float] | None:
+    """Centre, inner and outer radius of a disc or a ring; None of other shapes."""
+    if shape is not None and shape.disc:
+        return np.array(shape.disc.centre), 0.0, shape.disc.radius
+    if shape is not None and shape.difference and shape.difference.of.disc and len(shape.difference.minus) == 1:
+        outer, inner = shape.difference.of.disc, shape.difference.minus[0].disc
+        if inner is not None and inner.centre == outer.centre:
+            return np.array(outer.centre), inner.radius, outer.radius
+    return None
+
+
+def _on_rings(centre: NDArray, inner: float, outer: float, spacing: float) -> tuple[NDArray, NDArray]:
+    """Positions (n, 2) on circles and sizes (n, 2), radially and round about, that fill a ring without overlap."""
+    n_rings = max(1, int(np.ceil((outer - inner) / spacing - 1e-6)))
+    thickness = (outer - inner) / n_rings
+    positions, size = [], []
+    for radius in inner + thickness * (np.arange(n_rings) + 0.5):
+        count = 4 * max(1, round(np.pi * radius / (2.0 * thickness)))
+        angle = 2.0 * np.pi * (np.arange(count) + 0.5) / count
+        positions.append(centre + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+        size.append(np.full((count, 2), (thickness, 2.0 * np.pi * radius / count)))
+    return np.concatenate(positions), np.concatenate(size)
 
 
 def _local_points(case: Case, n_cells: int) -> tuple[NDArray, NDArray, NDArray]:

@@ -18,7 +18,7 @@ from numerics.refinement import carried
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
-from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, notch_history
+from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, initial_history
 
 from . import kernels
 from .active_grid import ActiveGrid
@@ -119,17 +119,8 @@ class MaterialPoints:
                 self._phase_fixed[nodes], self._phase_value[nodes] = True, constraint.value
 
     def _initial_history(self) -> NDArray:
-        positions = self.cloud.positions
-        history_field = np.zeros(len(positions))
-        for notch in self.case.notches:
-            if notch.kind == "history":
-                start, end = np.array(notch.start, float), np.array(notch.end, float)
-                coefficients = self._coefficients
-                crack = notch_history(
-                    positions, start, end, notch.factor, coefficients.toughness, coefficients.length_scale
-                )
-                history_field = np.maximum(history_field, crack)
-        return history_field
+        coefficients = self._coefficients
+        return initial_history(self.case, self.cloud.positions, coefficients.toughness, coefficients.length_scale)
 
     # ---------------------------------------------------------------- staggered scheme
 

@@ -20,7 +20,8 @@ class Costs:
     def forget(self) -> None:
         """Forget the work so far, not the sizes."""
         self.seconds.clear()
-        for work in ("factorisations", "cg_iterations", "gmres_iterations", "newton"):
+        solving = ("factorisations", "cg_iterations", "gmres_iterations", "newton")
+        for work in (*solving, "phase_field_solves", "window_cells"):
             self.count.pop(work, None)
 
     @contextmanager

@@ -26,6 +26,19 @@ def exact_errors(case: Case, fields: Fields, load: float) -> dict[str, float]:
     return errors
 
 
+def moving_errors(case: Case, fields: Fields) -> dict[str, float]:
+    """Relative L2 errors of moved points at the end of a dynamic run; empty without an exact solution."""
+    solution = SOLUTIONS.get(case.exact or "")
+    if solution is None or solution.stress is None or solution.displacement is None or case.dynamics is None:
+        return {}
+    end = case.dynamics.end_time
+    displacement = solution.displacement(case, fields.reference, end)
+    return {
+        "l2_error_displacement": _relative_error(fields.displacement, displacement, fields.volume),
+        "l2_error_stress": _relative_error(fields.stress, solution.stress(case, fields.points, end), fields.volume),
+    }
+
+
 def _relative_error(values: NDArray, exact: NDArray, volume: NDArray) -> float:
     def norm(field: NDArray) -> float:
         return float(np.sqrt(volume @ (field.reshape(len(volume), -1) ** 2).sum(axis=1)))

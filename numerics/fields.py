@@ -22,6 +22,7 @@ class Fields:
     phase_field, history_field, energy_density : (n,) c, H and the degraded elastic energy density.
     stress : (n, 3) xx, yy, xy.
     body : (n,) number of the body.
+    broken_at : (n,) time at which a point of a moving body broke, NaN where it has not; None in statics.
     grid_points : (m, 2); grid_cells : (k, 3 or 4) corners; grid_displacement : (m, 2); grid_phase_field : (m,).
     """
 
@@ -39,3 +40,4 @@ class Fields:
     grid_cells: NDArray
     grid_displacement: NDArray
     grid_phase_field: NDArray
+    broken_at: NDArray | None = None

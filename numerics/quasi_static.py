@@ -62,6 +62,32 @@ class Increment:
         """Nothing comes after it, whatever is left of the path."""
         return self.status in ("broken_through", "no_convergence")
 
+    @property
+    def is_good(self) -> bool:
+        """It does not repeat the last good state."""
+        return self.status != "no_convergence"
+
+    def row(self) -> dict[str, float]:
+        """Columns of the history; the share of the load path stands for the time, and nothing moves."""
+        return {
+            "step": self.step,
+            "time": float(self.share),
+            "u": float(self.u),
+            "F": float(self.F),
+            "E_el": float(self.elastic_energy),
+            "E_frac": float(self.fracture_energy),
+            "E_kin": 0.0,
+            "W_ext": float(self.external_work),
+            "c_min": float(self.c_min),
+            "staggered": self.staggered,
+            "newton": self.newton,
+            "seconds": round(float(self.seconds), 6),
+        }
+
+    def text(self) -> str:
+        """A few words for the progress display."""
+        return f"step {self.step} u={self.u:.5g} F={self.F:.5g} c_min={self.c_min:.2f}"
+
 
 def increments(
     discretisation: Discretisation, case: Case, after: Increment | None = None

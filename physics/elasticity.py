@@ -24,8 +24,8 @@ class MaterialTable:
     """Material constants of each body, as arrays indexed by body number (order of ``case.bodies``).
 
     ``lame_lambda`` is the in-plane constant; bodies that cannot break have ``breakable`` False and
-    harmless placeholders for toughness and length scale. ``curvature`` (n_bodies, 3, 3) are the operators of
-    `curvature_operator`, zero but where ``fourth_order``.
+    harmless placeholders for toughness and length scale; a static case may give no density. ``curvature``
+    (n_bodies, 3, 3) are the operators of `curvature_operator`, zero but where ``fourth_order``.
     """
 
     def __init__(self, case: Case) -> None:
@@ -34,6 +34,7 @@ class MaterialTable:
         assumption = case.plane.assumption
         self.lame_lambda = np.array([in_plane_first_lame(m.lam, m.mu, assumption) for m in materials])
         self.shear_modulus = np.array([m.mu for m in materials])
+        self.density = np.array([m.density or 0.0 for m in materials])
         self.breakable = np.array([f is not None for f in fractures])
         self.toughness = np.array([f.toughness if f else 1.0 for f in fractures])
         self.length_scale = np.array([f.length_scale if f else 1.0 for f in fractures])

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
 
+from . import exact_motion
 from .elasticity import MaterialTable
 from .surface_energy import SurfaceEnergy, profile
 
@@ -21,15 +22,20 @@ Field = Callable[[Case, NDArray, float], NDArray]
 class ExactSolution:
     """What is known exactly of a case; None where nothing is.
 
-    ``force`` is (case, load) -> F; ``phase_field_minimum`` is (case, load) -> smallest c.
+    ``velocity`` (n, 2) and ``strain`` (n, 3; xx, yy, engineering xy) are those at the start of a dynamic case, whose
+    load is the time. ``force`` is (case, load) -> F; ``phase_field_minimum`` is (case, load) -> smallest c.
     """
 
     displacement: Field | None = None
     body_force: Field | None = None
+    velocity: Field | None = None
+    strain: Field | None = None
+    stress: Field | None = None
     phase_field: Field | None = None
     force: Callable[[Case, float], float] | None = None
     phase_field_minimum: Callable[[Case, float], float] | None = None
     fracture_energy: Callable[[Case], float] | None = None
+    values: Mapping[str, Callable[..., float]] = field(default_factory=dict)
 
 
 def _first_material(case: Case):
@@ -114,6 +120,20 @@ SOLUTIONS: dict[str, ExactSolution] = {
     "elastic_sine": ExactSolution(displacement=_sine_displacement, body_force=_sine_body_force),
     "crack_profile": ExactSolution(phase_field=_crack_profile, fracture_energy=_crack_energy),
     "homogeneous_bar": ExactSolution(force=_bar_force, phase_field_minimum=_bar_phase_field),
+    "vibrating_bar": ExactSolution(velocity=exact_motion.bar_velocity, values={"period": exact_motion.bar_period}),
+    "spinning_disc": ExactSolution(
+        displacement=exact_motion.spinning_displacement, strain=exact_motion.spinning_strain,
+        stress=exact_motion.spinning_stress,
+    ),
+    "sliding_block": ExactSolution(values={"travel": exact_motion.sliding_distance}),
+    "line_contact": ExactSolution(
+        values={
+            "contact_half_width": exact_motion.contact_half_width, "peak_pressure": exact_motion.peak_pressure,
+        }
+    ),
+    "rolling_cylinder": ExactSolution(
+        values={"travel": exact_motion.rolling_distance, "angular_velocity": exact_motion.rolling_spin}
+    ),
 }
 
 MOTIONS: dict[str, Field] = {"mode_one": mode_one_displacement}

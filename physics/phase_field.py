@@ -13,7 +13,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cases import Case
+
 from .elasticity import MaterialTable
+
+#: phase field below which a moving crack has reached a point (Borden et al. 2012)
+BROKEN = 0.25
 
 
 def degradation(phase_field: NDArray, residual_stiffness: NDArray | float) -> NDArray:
@@ -54,14 +59,35 @@ class PhaseFieldCoefficients:
         return self.drive * history_field + self.resistance
 
 
-def notch_history(
-    points: NDArray, start: NDArray, end: NDArray, factor: float, toughness: NDArray, length_scale: NDArray
+def initial_history(
+    case: Case, points: NDArray, toughness: NDArray | float, length_scale: NDArray | float
 ) -> NDArray:
-    """Initial history field (n,) [stress] that stands for a crack from start to end, Eq. 6.51.
+    """History field (...) [stress] of the notches of kind "history" at points (..., 2), zero elsewhere.
+
+    toughness, length_scale : of the points' material, (...) or one for all.
+    """
+    history_field = np.zeros(points.shape[:-1])
+    for notch in case.notches:
+        if notch.kind == "history":
+            start, end = np.array(notch.start, float), np.array(notch.end, float)
+            crack = notch_history(points, start, end, notch.factor, toughness, length_scale)
+            history_field = np.maximum(history_field, crack)
+    return history_field
+
+
+def notch_history(
+    points: NDArray,
+    start: NDArray,
+    end: NDArray,
+    factor: float,
+    toughness: NDArray | float,
+    length_scale: NDArray | float,
+) -> NDArray:
+    """Initial history field (...) [stress] that stands for a crack from start to end, Eq. 6.51, at points (..., 2).
 
     H = B Gc / (4 l0) (1 - d / l0) within the distance l0 of the segment, 0 beyond.
     """
     direction = end - start
     along = np.clip((points - start) @ direction / (direction @ direction), 0.0, 1.0)
-    distance = np.linalg.norm(points - start - along[:, None] * direction, axis=1)
+    distance = np.linalg.norm(points - start - along[..., None] * direction, axis=-1)
     return factor * toughness / (4.0 * length_scale) * np.maximum(0.0, 1.0 - distance / length_scale)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from . import curves, fields, orientations, scene, style, surface, sweeps, tables, words
+from . import curves, fields, film, motion, orientations, scene, style, surface, sweeps, tables, words
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -39,6 +39,16 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Critical values", sweeps.critical_values),
     ("Critical load over orientation", orientations.critical_load),
 )
+# The same for a case whose bodies move.
+MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
+    ("Motion", film.film),
+    ("Energies", motion.energies),
+    ("Crack tips", motion.tip_speed),
+    ("Phase field", film.phase_field),
+    ("Momentum", motion.momentum),
+    ("Convergence", curves.convergence),
+    ("Critical values", sweeps.critical_values),
+)
 
 
 @dataclass
@@ -46,7 +56,7 @@ class Section:
     """A heading with its figures, or the reason why there is none."""
 
     title: str
-    drawings: list[style.Drawing] = field(default_factory=list)
+    drawings: list[style.Drawing | style.Film] = field(default_factory=list)
     problem: str = ""
 
     @property
@@ -85,9 +95,13 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        number=words.number, percent=words.percent, verdict=_verdict_in_words, subscripts=_subscripts
+        number=words.number, numbers=_in_words, percent=words.percent, verdict=_verdict_in_words, subscripts=_subscripts
     )
     return environment
+
+
+def _in_words(values: Sequence[float]) -> list[str]:
+    return [words.number(value) for value in values]
 
 
 def _verdict_in_words(verdict: str) -> str:
@@ -109,7 +123,7 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
     shutil.rmtree(figures, ignore_errors=True)  # figures of an earlier report must not survive
     with style.drawing_style():
         picture = _section("Scene", scene.scene, results, figures)
-        sections = [_section(title, draw, results, figures) for title, draw in SECTIONS]
+        sections = [_section(title, draw, results, figures) for title, draw in _sections_of(results)]
     page = _environment().get_template("case.html").render(
         results=results, entry=results.entry, summary=summary, case=results.case, root="../",
         figures=f"../figures/{name}", picture=picture,
@@ -125,6 +139,10 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(page, encoding="utf-8")
     return _overview_row(results, f"pages/{name}.html")
+
+
+def _sections_of(results: CaseResults) -> tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...]:
+    return MOVING_SECTIONS if results.case is not None and results.case.dynamics else SECTIONS
 
 
 def _section(

@@ -65,6 +65,18 @@ class Drawing:
     data: str | None = None
 
 
+@dataclass(frozen=True)
+class Film:
+    """Pictures ``files`` of a page's figure folder at ``times``, shown one at a time with a slider."""
+
+    name: str
+    title: str
+    caption: str
+    files: list[str]
+    times: list[float]
+    unit: str
+
+
 @contextmanager
 def drawing_style() -> Iterator[None]:
     """Use the report's settings, whatever the user's matplotlibrc says; figures here need no display."""
@@ -80,6 +92,13 @@ def save(figure: Figure, folder: Path, name: str) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
     return file.name
+
+
+def save_picture(figure: Figure, folder: Path, name: str, dpi: int) -> str:
+    """Write ``folder/name.png`` without program version; return the file's name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.savefig(folder / f"{name}.png", dpi=dpi, metadata={"Software": None})
+    return f"{name}.png"
 
 
 def save_data(table: pd.DataFrame, folder: Path, name: str) -> str:

@@ -27,6 +27,7 @@ STATUS_WORDS = {
     "broken_through": "broken through",
     "expected_failure": "failed, as expected",
     "no_convergence": "no convergence",
+    "blew_up": "blew up",
     "failed": "failed",
     "missing": "no results",
 }

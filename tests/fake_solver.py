@@ -143,4 +143,4 @@ def install(
     """Let every run use the stand-ins."""
     monkeypatch.setitem(running.SOLVERS, "fem", FakeSolver)
     monkeypatch.setitem(running.SOLVERS, "mpm", lambda case: FakeSolver(case, mpm_factor))
-    monkeypatch.setattr(running, "solver_increments", increments)
+    monkeypatch.setattr(running, "solver_records", increments)

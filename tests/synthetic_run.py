@@ -181,7 +181,7 @@ def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict
                 status="converged",
                 reason="",
             )
-            writer.increment(increment, _solver(cells, state))
+            writer.record(increment, _solver(cells, state))
         writer.last_state(_solver(cells, State(END, factor)))
         x = np.linspace(0.5, 1.0, 60)
         info = _info(case, run, solver, cells)

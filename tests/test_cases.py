@@ -735,7 +735,7 @@ def test_the_committed_schema_is_up_to_date() -> None:
 
 def test_the_schema_names_the_tables_and_allows_units() -> None:
     schema = case_schema()
-    assert {"units", "mesh", "load"} <= set(schema["required"]) and "folder" not in schema["properties"]
+    assert {"units", "mesh"} <= set(schema["required"]) and "folder" not in schema["properties"]
     assert schema["additionalProperties"] is False
     assert {"type": "string"} in schema["$defs"]["Mesh"]["properties"]["h"]["anyOf"]
     assert json.dumps(schema)

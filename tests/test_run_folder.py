@@ -42,7 +42,7 @@ def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) 
         np.testing.assert_allclose(getattr(fields, name), getattr(expected, name), atol=1e-15, err_msg=name)
     assert done.points().point_data["hydrostatic_stress"] == pytest.approx(2.0)
     assert done.points().celltypes.tolist() == [1] * 4
-    assert done.checkpoint.increment == seen[-1]
+    assert done.checkpoint.record == seen[-1]
     assert done.checkpoint.state["u"] == 0.01
 
 
@@ -64,12 +64,12 @@ def test_fields_are_written_where_asked_and_at_the_end(case_file: Path, tmp_path
 def test_no_convergence_keeps_the_last_good_state(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(4))
+    monkeypatch.setattr(running, "solver_records", fake_solver.stopping_at(4))
     done = run(case_file, "fem", "quick", tmp_path)
     assert (done.info["status"], done.good) == ("no_convergence", False)
     assert done.info["reason"] == "the smallest increment failed"
     assert done.history["step"].tolist() == [0, 1, 2, 3, 4]
-    assert done.checkpoint.increment.step == 4
+    assert done.checkpoint.record.step == 4
     assert [snapshot.step for snapshot in done.snapshots()] == [4]
 
 
@@ -88,9 +88,7 @@ def test_a_failure_that_the_case_expects_is_a_result(
 def test_a_solver_that_raises_leaves_a_failed_run_with_its_reason(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        running, "solver_increments", fake_solver.stopping_at(2, ValueError("singular\nmatrix"))
-    )
+    monkeypatch.setattr(running, "solver_records", fake_solver.stopping_at(2, ValueError("singular\nmatrix")))
     done = run(case_file, "fem", "quick", tmp_path)
     assert done.info["status"] == "failed"
     assert done.info["reason"] == "ValueError: singular matrix"
@@ -111,7 +109,7 @@ def test_an_interrupted_run_says_where_it_stopped_and_spares_the_older_one(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old = run(case_file, "fem", "quick", tmp_path)
-    monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(3, KeyboardInterrupt()))
+    monkeypatch.setattr(running, "solver_records", fake_solver.stopping_at(3, KeyboardInterrupt()))
     with pytest.raises(InterruptedRunError, match=r"fem\.partial"):
         run(case_file, "fem", "quick", tmp_path, force=True)
     partial = partial_folder(old.folder)
@@ -136,7 +134,7 @@ def increments(solver, case):
         yield increment
         if increment.step == {step}:
             os._exit(9)
-running.solver_increments = increments
+running.solver_records = increments
 if {last_moment}:
     run_folder.replace_folder = lambda new, folder: os._exit(9)
 running.run(Path({case!r}), "fem", "quick", Path({out!r}), force=True)

@@ -98,20 +98,12 @@ def trace_crack(
     crack that runs through a body ends with its outermost points, up to a cell short of the edge. Of a
     branched crack the longest path is returned. A broken spot no longer than it is wide counts as no crack.
     """
-    points, phase_field = _usable(points, phase_field)
-    broken = phase_field < threshold
-    if not broken.any():
-        return NO_CRACK
     start = None if start is None else np.asarray(start, dtype=float)
     reach = CELLS_OF_REACH * h if reach is None else reach
-    field, raster = _rasterise(points, phase_field, broken, h)
-    mask = raster.values < threshold
-    if notch is not None:
-        mask &= ~_beside(raster.positions(), np.asarray(notch, dtype=float), reach).reshape(mask.shape)
-    mask = _main_piece(mask, raster, start)
-    if not mask.any():
+    found = _skeleton_of(points, phase_field, h, threshold, start, notch, reach)
+    if found is None:
         return NO_CRACK
-    skeleton = _Skeleton(mask, raster)
+    skeleton, field = found
     path = skeleton.longest_path(start, reach)
     half_width = float(np.median(skeleton.half_width[path]))
     if path_length(skeleton.nodes[path]) < 2.0 * half_width:
@@ -121,6 +113,55 @@ def trace_crack(
     polyline = _refine(core, field, h, half_width, threshold)
     polyline = _begin_at(polyline, start, reach)
     return CrackPath(polyline, branches, 2 + branches) if len(polyline) > 1 else NO_CRACK
+
+
+def trace_tree(
+    points: ArrayLike,
+    phase_field: ArrayLike,
+    h: float,
+    threshold: float,
+    start: ArrayLike | None,
+    notch: ArrayLike | None,
+    shortest: float,
+) -> list[Array]:
+    """Polylines (k, 2) from the start of a branched crack to each of its ends along its skeleton, the longest first.
+
+    Arguments as for ``trace_crack``; branches that leave the others by less than ``shortest`` half widths are bulges.
+    """
+    start = None if start is None else np.asarray(start, dtype=float)
+    reach = CELLS_OF_REACH * h
+    found = _skeleton_of(points, phase_field, h, threshold, start, notch, reach)
+    if found is None:
+        return []
+    skeleton, _ = found
+    path = skeleton.longest_path(start, reach)
+    if path_length(skeleton.nodes[path]) < 2.0 * h:
+        return []
+    least = shortest * float(np.median(skeleton.half_width[path]))
+    ways = [path, *skeleton.ways_to_other_ends(path, least)]
+    return [_begin_at(_smooth(skeleton.nodes[way]), start, reach) for way in ways]
+
+
+def _skeleton_of(
+    points: ArrayLike,
+    phase_field: ArrayLike,
+    h: float,
+    threshold: float,
+    start: Array | None,
+    notch: ArrayLike | None,
+    reach: float,
+) -> tuple[_Skeleton, Field] | None:
+    """Skeleton of the crack without its notch, and the phase field as a function; None where nothing is broken."""
+    points, phase_field = _usable(points, phase_field)
+    broken = phase_field < threshold
+    if not broken.any():
+        return None
+    field, raster = _rasterise(points, phase_field, broken, h)
+    mask = raster.values < threshold
+    if notch is not None:
+        mask &= ~_beside(raster.positions(), np.asarray(notch, dtype=float), reach).reshape(mask.shape)
+    mask = _main_piece(mask, raster, start)
+    return (_Skeleton(mask, raster), field) if mask.any() else None
 
 
 def _usable(points: ArrayLike, phase_field: ArrayLike) -> tuple[Array, Array]:
@@ -290,6 +331,19 @@ class _Skeleton:
             if distance[node] <= shortest:
                 return count
             known, count = known + self._way_to(node, previous), count + 1
+
+    def ways_to_other_ends(self, path: list[int], shortest: float) -> list[list[int]]:
+        """Ways from the start of the path to the ends of the branches that leave it, or one another, by more."""
+        _, from_start = self._distances([path[0]])
+        known = path
+        ends: list[int] = []
+        while True:
+            distance, previous = self._distances(known)
+            node = int(np.argmax(distance))
+            if distance[node] <= shortest:
+                return [self._way_to(end, from_start) for end in ends]
+            ends.append(node)
+            known = known + self._way_to(node, previous)
 
 
 def _without_hooks(path: list[int], half_width: Array) -> list[int]:

@@ -40,7 +40,7 @@ class RunState:
     @property
     def failed(self) -> bool:
         """True when the solver ran and did not come to a good end."""
-        return self.status in ("no_convergence", "failed")
+        return self.status in ("no_convergence", "blew_up", "failed")
 
 
 @dataclass(frozen=True)

@@ -19,16 +19,13 @@ from numpy.typing import ArrayLike
 
 from physics.surface_energy import SurfaceEnergy
 from verify import crack_path as paths
-from verify import curves
+from verify import curves, dynamics, running_cracks
 from verify.curves import Array, Curve, CurveComparison
 from verify.energy_release import energy_release_rate
+from verify.errors import MetricError
 
 if TYPE_CHECKING:
     from cases import Case
-
-
-class MetricError(ValueError):
-    """A metric that a run cannot give; the message is one sentence: metric or run, what is wrong, remedy."""
 
 
 class RunData(Protocol):
@@ -302,11 +299,11 @@ def _number(case: Case, dotted: str) -> float:
 MEASURE_PREFIX = "measure:"
 
 
-def _measured(name: str, meaning: str) -> Metric:
+def _measured(name: str, meaning: str, unit: str = "number") -> Metric:
     def value(run: RunData) -> float:
         return measure(run, name=name)
 
-    return Metric(name, "number", meaning, value)
+    return Metric(name, unit, meaning, value)
 
 
 def _registry(*metrics: Metric) -> dict[str, Metric]:
@@ -354,6 +351,21 @@ METRICS = _registry(
     Metric("crack_angle_in_layer", "degree", "direction of the crack in a layer", crack_angle_in_layer),
     Metric("tip_x", "length", "x of the crack tip", _of_crack(lambda path: paths.tip_position(path)[0])),
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
+    Metric("initiation_time", "time", "when the crack set out", running_cracks.initiation_time),
+    Metric(
+        "stored_energy_at_initiation",
+        "energy",
+        "elastic energy when the crack set out",
+        running_cracks.stored_energy_at_initiation,
+    ),
+    Metric("branching_time", "time", "when the tip first divided", running_cracks.branching_time),
+    Metric("branching_angle", "degree", "angle between the two longest branches", running_cracks.branching_angle),
+    Metric("branch_count", "number", "tips that the crack came to have", running_cracks.branch_count),
+    Metric("tip_speed", "velocity", "largest speed of a crack tip", running_cracks.tip_speed),
+    Metric("fragments", "number", "connected pieces of unbroken material", running_cracks.fragments),
+    Metric("asymmetry", "number", "largest difference from the mirror image", running_cracks.asymmetry),
+    Metric("fracture_energy_gain", "energy", "fracture energy since a time", running_cracks.fracture_energy_gain),
+    Metric("phase_field_share", "number", "share of time that the phase field took", running_cracks.phase_field_share),
     Metric(
         "least_surface_energy", "toughness", "least energy of a crack over its directions", _surface_energy_extreme(0)
     ),
@@ -361,10 +373,22 @@ METRICS = _registry(
         "largest_surface_energy", "toughness", "largest energy of a crack over its directions", _surface_energy_extreme(1)
     ),
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
+    Metric("period", "time", "mean period of an oscillation", dynamics.period),
+    Metric("period_error", "number", "relative error of the vibrating bar's period", dynamics.period_error),
+    Metric("energy_drift", "number", "trend of the energy while a wave crosses a length", dynamics.energy_drift),
+    Metric("energy_left", "number", "energy at the end over that at the start", dynamics.energy_left),
+    Metric("momentum_drift", "number", "largest change of the whole momentum", dynamics.momentum_drift),
+    Metric("travel", "length", "way of a body's centre of mass", dynamics.travel),
+    Metric("angular_velocity", "rate", "angular velocity of a body", dynamics.angular_velocity),
+    Metric("contact_start", "time", "when two bodies begin to push", dynamics.contact_start),
+    Metric("contact_violations", "number", "nodes at which contact conditions failed", dynamics.contact_violations),
     _measured("constraint_error", "largest violation of a constraint"),
     _measured("element_quality", "least scaled Jacobian of the moved elements"),
     _measured("profile_error", "error of the phase-field profile"),
     _measured("l2_error_displacement", "relative L2 error of the displacement"),
+    _measured("contact_half_width", "half-width of the pressure on a floor", "length"),
+    _measured("peak_pressure", "largest pressure on a floor under the bodies' weight", "stress"),
+    _measured("l2_error_stress", "relative L2 error of the stress"),
     _measured("l2_error_phase_field", "relative L2 error of the phase field"),
 )
 
@@ -392,6 +416,12 @@ PAIR_METRICS = _registry(
         "number",
         "largest difference of force up to a displacement, over the peak force",
         curve_max_error_until,
+    ),
+    Metric(
+        "history_difference",
+        "number",
+        "largest difference of a column of the history, over its largest value",
+        running_cracks.history_difference,
     ),
     Metric("crack_turn", "degree", "angle between two cracks less the one that it should be", crack_turn),
     Metric("path_hausdorff", "length", "largest distance of the crack paths", _of_paths(paths.hausdorff)),

@@ -16,9 +16,11 @@ FRACTURE_ITERATIONS = 20  # staggered iterations that a planned increment takes,
 NEWTON_ITERATIONS = 2  # in each of them, where a split makes the law nonlinear
 LIBRARIES_MB = 350.0
 POINT_BYTES = 500.0
+POINT_STEPS_PER_SECOND = 1.5e7  # of explicit steps
 RULE = (
     "increments x staggered and Newton iterations x (factorisation ~ n^1.5 + solution ~ n + laws ~ points)"
     ", from a measured grid of 250 x 250 cells on two cores; adaptive increments may add to it"
+    "; explicit runs: steps x points"
 )
 
 
@@ -65,9 +67,11 @@ def plan(case: Case, run_name: str) -> Plan:
     smooth = solver == "fem" and fourth_order(case)
     points = cells * _points_per_cell(case, solver, triangles)
     breakable = case.fracture_enabled
-    iterations = FRACTURE_ITERATIONS if breakable and case.staggered.scheme == "converged" else 1
-    steps = _increments(case)
+    staggered = breakable and case.staggered.scheme == "converged" and not case.dynamics
+    iterations = FRACTURE_ITERATIONS if staggered else 1
+    steps = _time_steps(case) if case.dynamics else _increments(case)
     unknowns = 2 * functions
+    implicit = iterations * _newton_iterations(case) * _iteration_seconds(unknowns, points)
     return Plan(
         case=case.name,
         tier=case.tier,
@@ -80,10 +84,10 @@ def plan(case: Case, run_name: str) -> Plan:
         unknowns_displacement=unknowns,
         unknowns_phase_field=(4 if smooth else 1) * functions if breakable else 0,
         increments=steps,
-        adaptive=case.load.adaptive,
+        adaptive=case.load.adaptive and not case.dynamics,
         iterations=iterations,
         memory_mb=_memory_mb(unknowns, points, order),
-        seconds=steps * iterations * _newton_iterations(case) * _iteration_seconds(unknowns, points),
+        seconds=steps * (points / POINT_STEPS_PER_SECOND if case.dynamics else implicit),
         savings=(_grading(case, cells, triangles), _no_phase_field(breakable)),
     )
 
@@ -151,6 +155,14 @@ def _notches(case: Case) -> str:
 def _increments(case: Case) -> int:
     path = float(np.abs(np.diff(case.load.path)).sum())
     return 1 + int(np.ceil(path / case.load.increment - 1e-9))
+
+
+def _time_steps(case: Case) -> int:
+    """By the rule for a uniform grid, in the finite elements too."""
+    from numerics.explicit import number_of_steps
+    from numerics.time_steps import stable_step
+
+    return number_of_steps(case, stable_step(case))
 
 
 def _newton_iterations(case: Case) -> int:

@@ -15,11 +15,11 @@ from rich.progress import (
 )
 
 if TYPE_CHECKING:
-    from numerics.quasi_static import Increment
+    from numerics.records import Record
 
 
 class ProgressView(Protocol):
-    """A listener to increments that is open as long as the run goes on."""
+    """A listener to records that is open as long as the run goes on."""
 
     def __enter__(self) -> "ProgressView": ...
 
@@ -27,11 +27,11 @@ class ProgressView(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
 
-    def __call__(self, increment: "Increment") -> None: ...
+    def __call__(self, record: "Record") -> None: ...
 
 
 class Bar:
-    """Progress bar over the share of the load path that is done; its time left assumes an even pace."""
+    """Progress bar over the share of the run that is done; its time left assumes an even pace."""
 
     def __init__(self, title: str, console: Console) -> None:
         columns = (
@@ -52,8 +52,8 @@ class Bar:
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def __call__(self, increment: "Increment") -> None:
-        self._progress.update(self._task, completed=increment.share, state=_state(increment))
+    def __call__(self, record: "Record") -> None:
+        self._progress.update(self._task, completed=record.share, state=record.text())
 
 
 class Lines:
@@ -70,22 +70,18 @@ class Lines:
     def __exit__(self, *_: object) -> None:
         self._say(f"ended after {time.monotonic() - self._started:.1f} s")
 
-    def __call__(self, increment: "Increment") -> None:
+    def __call__(self, record: "Record") -> None:
         now = time.monotonic()
         if now - self._said_at < self._interval:
             return
         self._said_at = now
         left = ""
-        if increment.share > 0:
-            left = f"  about {(now - self._started) * (1.0 / increment.share - 1.0):.0f} s left"
-        self._say(f"{100 * increment.share:5.1f} %  {_state(increment)}{left}")
+        if record.share > 0:
+            left = f"  about {(now - self._started) * (1.0 / record.share - 1.0):.0f} s left"
+        self._say(f"{100 * record.share:5.1f} %  {record.text()}{left}")
 
     def _say(self, text: str) -> None:
         self._console.print(f"{self._title}: {text}", markup=False, highlight=False, soft_wrap=True)
-
-
-def _state(increment: "Increment") -> str:
-    return f"step {increment.step} u={increment.u:.5g} F={increment.F:.5g} c_min={increment.c_min:.2f}"
 
 
 def progress_view(title: str, console: Console) -> ProgressView:

@@ -3,7 +3,7 @@
 Layout of ``<out>/runs/<case>/<tier>/<run>/``::
 
     run.json         what ran, on what, how it ended, how much it took
-    history.csv      one row for each converged increment, the unloaded state first
+    history.csv      one row for each converged increment or recorded time, the first state first
     crack_path.csv   polyline x, y in reference coordinates (header only when nothing broke)
     fields/          index.csv, points_0000.vtu (vertex cells), grid_0000.vtu
     points.pvd, grid.pvd
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from cases import Case
     from numerics.costs import Costs
     from numerics.fields import Fields
-    from numerics.quasi_static import Increment
+    from numerics.records import Record
 
 HISTORY_COLUMNS = (
     "step", "time", "u", "F", "E_el", "E_frac", "E_kin", "W_ext", "c_min", "staggered", "newton", "seconds",
@@ -55,7 +55,7 @@ REQUIRED_INFO = (
     "increments",
 )
 GOOD_STATUSES = ("complete", "broken_through", "expected_failure")
-STATUSES = (*GOOD_STATUSES, "no_convergence", "failed")
+STATUSES = (*GOOD_STATUSES, "no_convergence", "blew_up", "failed")
 
 __all__ = ["RunFolder", "RunFolderError", "RunWriter", "Snapshot", "WriteError", "partial_folder", "run_path"]
 
@@ -65,7 +65,7 @@ class RunFolderError(Exception):
 
 
 class Snapshot(NamedTuple):
-    """Fields written at one displacement: load parameter, step, points as a pyvista mesh."""
+    """Fields written at one load parameter (or time): its value, step, points as a pyvista mesh."""
 
     u: float
     step: int
@@ -73,7 +73,7 @@ class Snapshot(NamedTuple):
 
 
 class Discretisation(Protocol):
-    """What a run needs from a solver besides its increments."""
+    """What a run needs from a solver besides its march."""
 
     costs: "Costs"
 
@@ -94,7 +94,7 @@ class Checkpoint:
     """
 
     made_by: str
-    increment: "Increment"
+    record: "Record"
     pending: list[float]
     count: dict[str, int]
     seconds: dict[str, float]
@@ -102,19 +102,28 @@ class Checkpoint:
 
     def write(self, path: Path) -> None:
         """Into one file of arrays and a line of JSON."""
-        told = {"made_by": self.made_by, "increment": asdict(self.increment), "pending": self.pending}
-        told |= {"count": self.count, "seconds": self.seconds}
+        told = {"made_by": self.made_by, "kind": type(self.record).__name__, "record": asdict(self.record)}  # type: ignore[call-overload]
+        told |= {"pending": self.pending, "count": self.count, "seconds": self.seconds}
         np.savez(path, told=np.array(json.dumps(told)), **self.state)  # type: ignore[arg-type]
 
     @classmethod
     def read(cls, path: Path) -> "Checkpoint":
         """Raises OSError, ValueError, KeyError, TypeError or BadZipFile where there is no whole checkpoint."""
-        from numerics.quasi_static import Increment
-
         with np.load(path, allow_pickle=False) as arrays:
             state = dict(arrays)
         told = json.loads(str(state.pop("told")))
-        return cls(state=state, **(told | {"increment": Increment(**told["increment"])}))
+        record = _record(told.pop("kind"), told.pop("record"))
+        return cls(state=state, record=record, **told)
+
+
+def _record(kind: str, values: dict[str, Any]) -> "Record":
+    from numerics.explicit import Balance, Instant
+    from numerics.quasi_static import Increment
+
+    if kind == "Increment":
+        return Increment(**values)
+    balance = values["balance"]
+    return Instant(**(values | {"balance": Balance(**(balance | {"momentum": tuple(balance["momentum"])}))}))
 
 
 #: what `Checkpoint.read` may meet in a file that is missing, cut or foreign
@@ -133,22 +142,24 @@ def partial_folder(folder: Path) -> Path:
 
 
 def as_expected(status: str, case: "Case", run_name: str) -> str:
-    """The status of a run that did not converge in the light of what the case expects of it."""
-    if status not in ("no_convergence", "expected_failure"):
+    """The status of a run that failed in the light of what the case expects of it."""
+    if status not in ("no_convergence", "blew_up", "expected_failure"):
         return status
-    return "expected_failure" if case.run_spec(run_name).expect_failure else "no_convergence"
+    if case.run_spec(run_name).expect_failure:
+        return "expected_failure"
+    return ("blew_up" if case.dynamics else "no_convergence") if status == "expected_failure" else status
 
 
 # ---------------------------------------------------------------------------------------------- writing
 
 
 class RunWriter:
-    """Listens to the increments of a run and writes its folder; use as ``with RunWriter(...) as writer``.
+    """Listens to the records of a run and writes its folder; use as ``with RunWriter(...) as writer``.
 
     Parameters
     ----------
     folder : final place of the run; everything goes to ``<folder>.partial`` until `finish`.
-    snapshots : displacements at which fields are written, besides the last state.
+    snapshots : load parameters or times at which fields are written, besides the last state.
     made_by : what identifies case and code, so that a checkpoint of others is not taken up.
     after : checkpoint behind which an unfinished run goes on.
 
@@ -166,7 +177,7 @@ class RunWriter:
         self.partial = partial_folder(folder)
         self._made_by, self._after = made_by, after
         self._pending = list(after.pending if after else snapshots)
-        self._last = after.increment if after else None
+        self._last = after.record if after else None
         self._rows = 0
         self._index: list[tuple[int, int, float, str, str]] = []
         self._saved_at = time.monotonic()
@@ -177,7 +188,7 @@ class RunWriter:
         with writing(self.partial):
             if self._after is not None:
                 write_text(self.partial / "writer.json", json.dumps(_this_process()))
-                self._drop_what_came_after(self._after.increment.step)
+                self._drop_what_came_after(self._after.record.step)
                 self._history = (self.partial / "history.csv").open("a", encoding="utf-8", newline="")
                 return self
             if self.partial.exists():
@@ -185,7 +196,6 @@ class RunWriter:
             (self.partial / "fields").mkdir(parents=True)
             write_text(self.partial / "writer.json", json.dumps(_this_process()))
             self._history = (self.partial / "history.csv").open("w", encoding="utf-8", newline="")
-            self._write_row(HISTORY_COLUMNS)
         return self
 
     def _drop_what_came_after(self, step: int) -> None:
@@ -218,20 +228,23 @@ class RunWriter:
         csv.writer(self._history, lineterminator="\n").writerow(values)
         self._history.flush()
 
-    def increment(self, increment: "Increment", discretisation: Discretisation) -> None:
-        """Append a good increment to the history; write fields and the checkpoint when they are due."""
-        before = self._last.u if self._last else increment.u
+    def record(self, record: "Record", discretisation: Discretisation) -> None:
+        """Append a good record to the history; write fields and the checkpoint when they are due."""
+        before = self._last.u if self._last else record.u
+        row = record.row()
         with writing(self.partial / "history.csv"):
-            self._write_row(_history_row(increment))
-        self._last = increment
+            if not self._rows:
+                self._write_row(tuple(row))
+            self._write_row(tuple(row.values()))
+        self._last = record
         self._rows += 1
-        if self._snapshot_due(before, increment.u):
+        if self._snapshot_due(before, record.u):
             self._write_snapshot(discretisation.fields())
         if time.monotonic() - self._saved_at > self.checkpoint_interval:
             self._write_checkpoint(discretisation)
 
     def _snapshot_due(self, before: float, now: float) -> bool:
-        """True at the first increment that reaches or passes a wanted displacement."""
+        """True at the first record that reaches or passes a wanted load parameter."""
         slack = 1e-9 * max(abs(before), abs(now))
         low, high = min(before, now) - slack, max(before, now) + slack
         reached = [u for u in self._pending if low <= u <= high]
@@ -267,7 +280,7 @@ class RunWriter:
         costs = discretisation.costs
         checkpoint = Checkpoint(
             made_by=self._made_by,
-            increment=self._last,
+            record=self._last,
             pending=self._pending,
             count={name: int(value) for name, value in costs.count.items()},
             seconds={name: float(value) for name, value in costs.seconds.items()},
@@ -294,6 +307,8 @@ class RunWriter:
         info : contents of run.json.
         crack_path : (n, 2) polyline in reference coordinates [case length unit]; n = 0 when nothing broke.
         """
+        if not self._rows:
+            self._write_row(HISTORY_COLUMNS)
         self._history.close()
         write_text(self.partial / "crack_path.csv", _crack_path_text(crack_path))
         if not self._index:
@@ -316,7 +331,7 @@ def unfinished_checkpoint(folder: Path) -> Checkpoint | None:
     partial = partial_folder(folder)
     try:
         saved = Checkpoint.read(partial / "checkpoint.npz")
-        _history_until(partial, saved.increment.step)
+        _history_until(partial, saved.record.step)
     except BROKEN_CHECKPOINT:
         return None
     return saved
@@ -324,24 +339,6 @@ def unfinished_checkpoint(folder: Path) -> Checkpoint | None:
 
 def _this_process() -> dict[str, float]:
     return {"process": os.getpid(), "started": psutil.Process().create_time()}
-
-
-def _history_row(increment: "Increment") -> tuple[object, ...]:
-    """Quasi-static increments have no kinetic energy, and the share of the load path for their time."""
-    return (
-        increment.step,
-        float(getattr(increment, "time", increment.share)),
-        float(increment.u),
-        float(increment.F),
-        float(increment.elastic_energy),
-        float(increment.fracture_energy),
-        float(getattr(increment, "kinetic_energy", 0.0)),
-        float(increment.external_work),
-        float(increment.c_min),
-        increment.staggered,
-        increment.newton,
-        round(float(increment.seconds), 6),
-    )
 
 
 def _crack_path_text(crack_path: np.ndarray) -> str:
@@ -403,7 +400,7 @@ class RunFolder:
             raise self._damaged(file, "is missing or unreadable") from error
         except ValueError as error:  # pandas' parser errors, wrong encodings
             raise self._damaged(file, "is not a readable table") from error
-        if tuple(table.columns) != columns:
+        if tuple(table.columns)[: len(columns)] != columns:
             raise self._damaged(file, f"has not the columns {', '.join(columns)}")
         return table
 
@@ -414,7 +411,7 @@ class RunFolder:
 
     @cached_property
     def history(self) -> pd.DataFrame:
-        """One row for each increment, columns `HISTORY_COLUMNS` in case units."""
+        """One row for each increment or recorded time: `HISTORY_COLUMNS`, then further ones, in case units."""
         table = self._table("history.csv", HISTORY_COLUMNS)
         if len(table) != self.info["increments"]:
             raise self._damaged("history.csv", f"has {len(table)} of {self.info['increments']} increments")

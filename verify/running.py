@@ -14,6 +14,7 @@ import numpy as np
 
 from cases import Case, CaseError, load_case
 from numerics.costs import Costs
+from verify.frames import FrameWriter
 from verify.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.run_folder import (
     Checkpoint,
@@ -28,14 +29,14 @@ from verify.run_folder import (
 )
 
 if TYPE_CHECKING:
-    from numerics.quasi_static import Increment
+    from numerics.records import Record
 
 DEFAULT_OUT = Path("reports/out")
 DEFAULT_THREADS = min(2, os.cpu_count() or 1)
 # A run that ended so would end so again. A failed one may have met a full disk or a bug since mended.
-REPEATABLE_STATUSES = ("complete", "broken_through", "expected_failure", "no_convergence")
+REPEATABLE_STATUSES = ("complete", "broken_through", "expected_failure", "no_convergence", "blew_up")
 
-Listener = Callable[["Increment"], None]
+Listener = Callable[["Record"], None]
 
 
 class InterruptedRunError(Exception):
@@ -43,15 +44,15 @@ class InterruptedRunError(Exception):
 
 
 def _finite_elements(case: Case) -> Discretisation:
-    from fem_reference import FiniteElements
+    from fem_reference import ExplicitFiniteElements, FiniteElements
 
-    return _following(FiniteElements, case)
+    return ExplicitFiniteElements(case) if case.dynamics else _following(FiniteElements, case)
 
 
 def _material_points(case: Case) -> Discretisation:
-    from mpm import MaterialPoints
+    from mpm import ExplicitMaterialPoints, MaterialPoints
 
-    return _following(MaterialPoints, case)
+    return ExplicitMaterialPoints(case) if case.dynamics else _following(MaterialPoints, case)
 
 
 def _following(solver: Any, case: Case) -> Discretisation:
@@ -65,13 +66,13 @@ def _following(solver: Any, case: Case) -> Discretisation:
 SOLVERS: dict[str, Callable[[Case], Discretisation]] = {"fem": _finite_elements, "mpm": _material_points}
 
 
-def solver_increments(
-    discretisation: Any, case: Case, after: "Increment | None" = None
-) -> "Iterator[Increment]":
-    """The increments of a quasi-static run, one after the other, or those behind one of them."""
+def solver_records(discretisation: Any, case: Case, after: Any = None) -> "Iterator[Record]":
+    """The increments of a quasi-static run or the instants of a dynamic one, or those behind one of them."""
+    from numerics.explicit import instants
     from numerics.quasi_static import increments
 
-    return increments(discretisation, case, after)
+    march = instants if case.dynamics else increments
+    return march(discretisation, case, after)  # type: ignore[operator]
 
 
 def case_for_run(case: Case | str | Path, run_name: str, tier: str | None = None) -> Case:
@@ -129,7 +130,7 @@ def run(
     run_name : one of the runs that the case describes, such as "fem" or "mpm".
     tier : resolution, "standard" when not given.
     out : folder of all results; the run goes to ``<out>/runs/<case>/<tier>/<run>``.
-    listener : called with each accepted increment.
+    listener : called with each record of the history.
     threads : number of threads of compiled loops and linear algebra.
     force : compute even when the finished run is up to date.
     resume : go on behind the checkpoint of an unfinished run of the same case and code, where there is one.
@@ -157,13 +158,13 @@ def _compute(
     from numerics.threads import use_threads
 
     use_threads(threads)
-    files = RunWriter(folder, case.output.snapshots, _identity(case), after)
+    files = RunWriter(folder, case.snapshots, _identity(case), after)
     try:
         with files as writer, PeakMemory() as memory:
             attempt = _Attempt(case, run_name, writer, listener, after)
             attempt.solve()
             info = attempt.info() | {"threads": threads, "memory_mb": round(memory.megabytes, 1)}
-            info["resumed_after_step"] = after.increment.step if after else None
+            info["resumed_after_step"] = after.record.step if after else None
             writer.finish(info, attempt.crack_path)
     except KeyboardInterrupt as stopped:
         raise InterruptedRunError(
@@ -174,7 +175,7 @@ def _compute(
 
 
 class _Attempt:
-    """One solution of a case: drives the increments and keeps what run.json tells."""
+    """One solution of a case: drives the march and keeps what run.json tells."""
 
     def __init__(
         self,
@@ -227,19 +228,22 @@ class _Attempt:
         discretisation.restore(self.after.state)
         discretisation.costs.count = Counter(self.after.count)
         discretisation.costs.seconds.update(self.after.seconds)
-        if self.after.increment.is_last:
-            self.status, self.reason = self.after.increment.status, self.after.increment.reason
+        if self.after.record.is_last:
+            self.status, self.reason = self.after.record.status, self.after.record.reason
 
     def _march(self, discretisation: Discretisation) -> None:
-        started = time.perf_counter() - (self.after.increment.seconds if self.after else 0.0)
-        behind = (self.after.increment,) if self.after else ()
-        for increment in solver_increments(discretisation, self.case, *behind):
-            if increment.is_last:
-                self.status, self.reason = increment.status, increment.reason
-            if increment.status != "no_convergence":  # it repeats the last good state, already listened to
-                self.writer.increment(increment, discretisation)
+        started = time.perf_counter() - (self.after.record.seconds if self.after else 0.0)
+        behind = (self.after.record,) if self.after else ()
+        done = self.after.record.u if self.after else -math.inf
+        frames = FrameWriter(self.writer.partial / "frames", self.case.frame_times, done)
+        for record in solver_records(discretisation, self.case, *behind):
+            if record.is_last:
+                self.status, self.reason = record.status, record.reason
+            if record.is_good:
+                self.writer.record(record, discretisation)
+                frames.record(record, discretisation)
             if self.listener is not None:
-                self.listener(increment)
+                self.listener(record)
         self.seconds["increments"] = time.perf_counter() - started
 
     def _look_at_last_state(self, discretisation: Discretisation) -> None:

@@ -239,7 +239,7 @@ def check_sentence(check: Json) -> str:
 
 def failed_runs(case: Json) -> list[str]:
     """One sentence for each run that the solver did not bring to a good end."""
-    failed = ("no_convergence", "failed")
+    failed = ("no_convergence", "blew_up", "failed")
     return [f"{n}: {r['status']}: {r['reason']}" for n, r in case["runs"].items() if r["status"] in failed]
 
 
@@ -263,7 +263,7 @@ def junit_xml(summary: Json) -> str:
 def _junit_run(suite: ElementTree.Element, case: Json, name: str, entry: Json) -> None:
     seconds = str(entry["seconds"].get("total", 0.0))
     test = ElementTree.SubElement(suite, "testcase", classname=case["case"], name=f"run {name}", time=seconds)
-    if entry["status"] in ("no_convergence", "failed", "damaged"):
+    if entry["status"] in ("no_convergence", "blew_up", "failed", "damaged"):
         ElementTree.SubElement(test, "error", message=f"{entry['status']}: {entry['reason']}")
     elif entry["status"] in ("missing", "unfinished", "changed"):
         ElementTree.SubElement(test, "skipped", message=f"{entry['status']}: {entry['reason']}")

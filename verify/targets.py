@@ -146,6 +146,8 @@ def _exact(check: Check, run: RunFolder) -> float:
     solution = SOLUTIONS.get(case.exact or "")
     if check.metric in CURVE_METRICS:
         return METRICS[check.metric](exact_curve(run))
+    if solution and check.metric in solution.values:
+        return solution.values[check.metric](case, **check.parameters)
     if check.metric == "fracture_energy" and solution and solution.fracture_energy:
         return solution.fracture_energy(case)
     if check.metric == "phase_field_minimum" and solution and solution.phase_field_minimum:

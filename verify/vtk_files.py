@@ -45,6 +45,8 @@ def points_mesh(fields: Fields) -> pyvista.UnstructuredGrid:
     for name in POINT_DATA:
         values = np.asarray(getattr(fields, name))
         mesh.point_data[name] = _in_space(values) if name in PLANE_VECTORS else values
+    if fields.broken_at is not None:
+        mesh.point_data["broken_at"] = fields.broken_at
     mesh.point_data["hydrostatic_stress"] = hydrostatic_stress(np.asarray(fields.stress))
     return mesh
 
@@ -64,6 +66,7 @@ def fields_of(points: pyvista.UnstructuredGrid, grid: pyvista.UnstructuredGrid) 
     """The fields that `points_mesh` and `grid_mesh` were made from."""
     values: dict[str, Any] = {name: np.asarray(points.point_data[name]) for name in POINT_DATA}
     values |= {name: values[name][:, :2] for name in PLANE_VECTORS}
+    values["broken_at"] = np.asarray(points.point_data["broken_at"]) if "broken_at" in points.point_data else None
     values["points"] = np.asarray(points.points)[:, :2]
     values["grid_points"] = np.asarray(grid.points)[:, :2]
     values["grid_cells"] = next(iter(grid.cells_dict.values()))

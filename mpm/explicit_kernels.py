@@ -1,0 +1,317 @@
+"""Compiled loops of the explicit material point method on uniform grids, one set for each order of the splines.
+
+Points are sorted by columns of cells, and columns are grouped in strips. Points of one strip write to the nodes of their
+strip and of the margins of its neighbours; strips of one colour (every second one) share no node, so that threads need
+no atomics and sums are the same for any number of threads.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+from numba import njit, prange
+
+from physics.energy_splits import point_response
+
+#: cells that a point may wander from where it was sorted, in each direction
+DRIFT = 1
+#: points tell how far a body reaches at a node when the normal there passes within this part of their size: more would
+#: make flats of round bodies' lowest points, half is the least that leaves no hole between points
+LATERAL = 0.75
+#: columns of cells in a strip: two strips of one colour must stay apart for cubic splines and drifting points
+STRIP = 6
+
+
+@njit(inline="always")
+def _linear(xi, value, slope):
+    value[0], value[1] = 1.0 - xi, xi
+    slope[0], slope[1] = -1.0, 1.0
+
+
+@njit(inline="always")
+def _quadratic(xi, value, slope):
+    eta = 1.0 - xi
+    value[0], value[1], value[2] = 0.5 * eta * eta, 0.5 + xi * eta, 0.5 * xi * xi
+    slope[0], slope[1], slope[2] = -eta, eta - xi, xi
+
+
+@njit(inline="always")
+def _cubic(xi, value, slope):
+    eta = 1.0 - xi
+    value[0], value[3] = eta * eta * eta / 6.0, xi * xi * xi / 6.0
+    value[1] = (4.0 - 3.0 * xi * xi * (1.0 + eta)) / 6.0
+    value[2] = (4.0 - 3.0 * eta * eta * (1.0 + xi)) / 6.0
+    slope[0], slope[3] = -0.5 * eta * eta, 0.5 * xi * xi
+    slope[1], slope[2] = 0.5 * xi * (xi - 2.0 * eta - 2.0), -0.5 * eta * (eta - 2.0 * xi - 2.0)
+
+
+@njit(inline="always")
+def _basis(k, xi, value, slope):
+    """Values and slopes (k,) of the k = order + 1 splines of a cell at xi in [0, 1), slopes for cells of size one."""
+    if k == 3:
+        _quadratic(xi, value, slope)
+    elif k == 4:
+        _cubic(xi, value, slope)
+    else:
+        _linear(xi, value, slope)
+
+
+@njit(cache=True)
+def spline_values(order, xi):
+    """Values (order + 1,) of the splines of a cell at xi in [0, 1]."""
+    value, slope = np.empty(order + 1), np.empty(order + 1)
+    _basis(order + 1, xi, value, slope)
+    return value
+
+
+@njit(inline="always")
+def turned_strain(exx, eyy, gxy, l00, l01, l10, l11, corotational):
+    """Strain after a step with the displacement gradients l of the step.
+
+    Additive: the symmetric part is summed in fixed axes (Eq. 6.41). Corotational: the gradient is taken on the middle
+    of the step, l (1 + l/2)^-1, whose symmetric part a rigid turn leaves zero; the strain so far turns with the
+    material (Hughes and Winget 1980).
+    """
+    if not corotational:
+        return exx + l00, eyy + l11, gxy + l01 + l10
+    a, b, c, d = 1.0 + 0.5 * l00, 0.5 * l01, 0.5 * l10, 1.0 + 0.5 * l11
+    over = 1.0 / (a * d - b * c)
+    m00, m01 = (l00 * d - l01 * c) * over, (l01 * a - l00 * b) * over
+    m10, m11 = (l10 * d - l11 * c) * over, (l11 * a - l10 * b) * over
+    half = 0.25 * (m10 - m01)  # half of the angle
+    # twice the angle by Cayley's formula, as the deviator turns
+    t = 2.0 * half / (1.0 - half * half)
+    cosine, sine = (1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t)
+    mean, difference, shear = 0.5 * (exx + eyy), 0.5 * (exx - eyy), 0.5 * gxy
+    turned, sheared = cosine * difference - sine * shear, sine * difference + cosine * shear
+    return mean + turned + m00, mean - turned + m11, 2.0 * sheared + m01 + m10
+
+
+@cache
+def kernels(order: int) -> SimpleNamespace:
+    """Compiled loops for splines of an order.
+
+    Common arguments: ``strips`` (n_strips + 1,) first point of each strip; ``x, y`` positions of a body's points in
+    cells from the lower corner of its window; ``width`` nodes of the window in y; arrays over nodes are flat.
+    """
+    k = order + 1  # the closures' only variable, so that compiled code can be kept on disk
+
+    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
+    def to_grid(strips, x, y, vx, vy, mass, volume, sxx, syy, sxy, over_h, width, m, px, py, fx, fy):
+        """Masses (Eq. 3.58), momenta (6.24) and minus internal forces (6.25) of the nodes."""
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+                for p in range(strips[strip], strips[strip + 1]):
+                    i, j = int(x[p]), int(y[p])
+                    _basis(k, x[p] - i, wx, dx)
+                    _basis(k, y[p] - j, wy, dy)
+                    mx, my = mass[p] * vx[p], mass[p] * vy[p]
+                    v = volume[p] * over_h
+                    txx, tyy, txy = v * sxx[p], v * syy[p], v * sxy[p]
+                    for a in range(k):
+                        first = (i + a) * width + j
+                        mass_a, mx_a, my_a = mass[p] * wx[a], mx * wx[a], my * wx[a]
+                        fxx_a, fxy_a, fyy_a = txx * dx[a], txy * wx[a], tyy * wx[a]
+                        fyx_a = txy * dx[a]
+                        for b in range(k):
+                            m[first + b] += mass_a * wy[b]
+                            px[first + b] += mx_a * wy[b]
+                            py[first + b] += my_a * wy[b]
+                            fx[first + b] -= fxx_a * wy[b] + fxy_a * dy[b]
+                            fy[first + b] -= fyx_a * wy[b] + fyy_a * dy[b]
+
+    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
+    def affine_to_grid(strips, x, y, mass, cxx, cxy, cyx, cyy, h, width, px, py):
+        """Momenta of the points' velocity gradients c about the points, added to those of the nodes."""
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+                for p in range(strips[strip], strips[strip + 1]):
+                    i, j = int(x[p]), int(y[p])
+                    _basis(k, x[p] - i, wx, dx)
+                    _basis(k, y[p] - j, wy, dy)
+                    arm = h * mass[p]
+                    for a in range(k):
+                        first, off_x = (i + a) * width + j, i + a - 0.5 * (k - 2) - x[p]
+                        for b in range(k):
+                            off_y, w = j + b - 0.5 * (k - 2) - y[p], arm * wx[a] * wy[b]
+                            px[first + b] += w * (cxx[p] * off_x + cxy[p] * off_y)
+                            py[first + b] += w * (cyx[p] * off_x + cyy[p] * off_y)
+
+    @njit(cache=True, parallel=True)
+    def momentum_to_grid(strips, x, y, vx, vy, mass, width, px, py):
+        """Momenta of the nodes (Eq. 6.24) alone."""
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+                for p in range(strips[strip], strips[strip + 1]):
+                    i, j = int(x[p]), int(y[p])
+                    _basis(k, x[p] - i, wx, dx)
+                    _basis(k, y[p] - j, wy, dy)
+                    for a in range(k):
+                        first = (i + a) * width + j
+                        mx, my = mass[p] * vx[p] * wx[a], mass[p] * vy[p] * wx[a]
+                        for b in range(k):
+                            px[first + b] += mx * wy[b]
+                            py[first + b] += my * wy[b]
+
+    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
+    def velocities(strips, x, y, vx, vy, grid_vx, grid_vy, grid_dx, grid_dy, width, flip, moved_x, moved_y, fastest):
+        """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45).
+
+        ``grid_dx, grid_dy`` are the changes of the nodes' velocities in the step.
+        """
+        for strip in prange(len(strips) - 1):
+            wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+            largest = 0.0
+            for p in range(strips[strip], strips[strip + 1]):
+                i, j = int(x[p]), int(y[p])
+                _basis(k, x[p] - i, wx, dx)
+                _basis(k, y[p] - j, wy, dy)
+                ux = uy = cx = cy = 0.0
+                for a in range(k):
+                    first = (i + a) * width + j
+                    for b in range(k):
+                        w = wx[a] * wy[b]
+                        ux += w * grid_vx[first + b]
+                        uy += w * grid_vy[first + b]
+                        cx += w * grid_dx[first + b]
+                        cy += w * grid_dy[first + b]
+                vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
+                vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
+                moved_x[p], moved_y[p] = ux, uy
+                largest = max(largest, ux * ux + uy * uy)
+                if not largest >= ux * ux + uy * uy:
+                    largest = np.inf
+            fastest[strip] = largest
+
+    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
+    def strains(
+        strips, x, y, grid_vx, grid_vy, width, factor, corotational, affine,
+        exx, eyy, gxy, cxx, cxy, cyx, cyy, moved_x, moved_y,
+    ):  # fmt: skip
+        """Strains of the points after the step and their new places; ``factor`` is the step over the spacing.
+
+        Where ``affine`` is positive, it is one over the spacing and the velocity gradients c are kept.
+        """
+        for strip in prange(len(strips) - 1):
+            wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+            for p in range(strips[strip], strips[strip + 1]):
+                i, j = int(x[p]), int(y[p])
+                _basis(k, x[p] - i, wx, dx)
+                _basis(k, y[p] - j, wy, dy)
+                l00 = l01 = l10 = l11 = 0.0
+                for a in range(k):
+                    first = (i + a) * width + j
+                    for b in range(k):
+                        gx, gy = dx[a] * wy[b], wx[a] * dy[b]
+                        l00 += gx * grid_vx[first + b]
+                        l01 += gy * grid_vx[first + b]
+                        l10 += gx * grid_vy[first + b]
+                        l11 += gy * grid_vy[first + b]
+                exx[p], eyy[p], gxy[p] = turned_strain(
+                    exx[p], eyy[p], gxy[p], factor * l00, factor * l01, factor * l10, factor * l11, corotational
+                )
+                if affine > 0.0:
+                    cxx[p], cxy[p], cyx[p], cyy[p] = affine * l00, affine * l01, affine * l10, affine * l11
+                x[p] += factor * moved_x[p]
+                y[p] += factor * moved_y[p]
+
+    @njit(cache=True, parallel=True)
+    def mass_slopes(strips, x, y, mass, cell_touches, width, slope_x, slope_y):
+        """Gradients of the mass (Eq. 6.33) at the nodes of the marked cells, times the spacing."""
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+                for p in range(strips[strip], strips[strip + 1]):
+                    i, j = int(x[p]), int(y[p])
+                    if not cell_touches[i * width + j]:
+                        continue
+                    _basis(k, x[p] - i, wx, dx)
+                    _basis(k, y[p] - j, wy, dy)
+                    for a in range(k):
+                        first = (i + a) * width + j
+                        for b in range(k):
+                            slope_x[first + b] += mass[p] * dx[a] * wy[b]
+                            slope_y[first + b] += mass[p] * wx[a] * dy[b]
+
+    @njit(cache=True, parallel=True)
+    def reaches(strips, x, y, size_x, size_y, cell_touches, width, normal_x, normal_y, reach):
+        """Largest place along the nodes' normals to which the points beside them reach, from the nodes, in cells."""
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                for p in range(strips[strip], strips[strip + 1]):
+                    i, j = int(x[p]), int(y[p])
+                    if not cell_touches[i * width + j]:
+                        continue
+                    for a in range(k):
+                        for b in range(k):
+                            node = (i + a) * width + j + b
+                            nx, ny = normal_x[node], normal_y[node]
+                            # a node stands (order - 1) / 2 cells before the cell's corner of the same number
+                            off_x, off_y = x[p] - (i + a) + 0.5 * (k - 2), y[p] - (j + b) + 0.5 * (k - 2)
+                            aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2)
+                            if abs(off_y * nx - off_x * ny) > LATERAL * aside:
+                                continue
+                            along = off_x * nx + off_y * ny
+                            along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
+                            reach[node] = max(reach[node], along)
+
+    @njit(cache=True)
+    def spread(x, y, force_x, force_y, width, fx, fy):
+        """Add forces at places to the nodes."""
+        wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+        for p in range(len(x)):
+            i, j = int(x[p]), int(y[p])
+            _basis(k, x[p] - i, wx, dx)
+            _basis(k, y[p] - j, wy, dy)
+            for a in range(k):
+                for b in range(k):
+                    fx[(i + a) * width + j + b] += wx[a] * wy[b] * force_x[p]
+                    fy[(i + a) * width + j + b] += wx[a] * wy[b] * force_y[p]
+
+    return SimpleNamespace(
+        to_grid=to_grid, affine_to_grid=affine_to_grid, momentum_to_grid=momentum_to_grid, velocities=velocities,
+        strains=strains, mass_slopes=mass_slopes, reaches=reaches, spread=spread,
+    )  # fmt: skip
+
+
+@njit(cache=True, parallel=True)
+def elastic_stresses(exx, eyy, gxy, lam, mu, sxx, syy, sxy):
+    """Stresses of a body that cannot break."""
+    for p in prange(len(exx)):
+        pressure = lam * (exx[p] + eyy[p])
+        sxx[p] = pressure + 2.0 * mu * exx[p]
+        syy[p] = pressure + 2.0 * mu * eyy[p]
+        sxy[p] = mu * gxy[p]
+
+
+@njit(cache=True, parallel=True)
+def degraded_stresses(exx, eyy, gxy, lam, mu, split, g, sxx, syy, sxy, psi_plus, psi_minus):
+    """Stresses (Eq. 2.50) and both parts of the energy density of a body that can break."""
+    for p in prange(len(exx)):
+        r = point_response(split, g[p], exx[p], eyy[p], gxy[p], lam, mu)
+        sxx[p], syy[p], sxy[p] = r.sxx, r.syy, r.sxy
+        psi_plus[p], psi_minus[p] = r.psi_plus, r.psi_minus
+
+
+@njit(cache=True, parallel=True)
+def trial_velocities(width, step, gravity_x, gravity_y, damping, m, px, py, fx, fy, old_x, old_y, vx, vy):
+    """Velocities of the nodes before the step, from their momenta, and without contact after it (Eqs. 6.26, 6.27)."""
+    for row in prange(len(m) // width):
+        for node in range(row * width, (row + 1) * width):
+            if m[node] > 0.0:
+                over = 1.0 / m[node]
+                old_x[node], old_y[node] = px[node] * over, py[node] * over
+                vx[node] = old_x[node] + step * (fx[node] * over + gravity_x - damping * old_x[node])
+                vy[node] = old_y[node] + step * (fy[node] * over + gravity_y - damping * old_y[node])
+            else:
+                old_x[node] = old_y[node] = vx[node] = vy[node] = 0.0

@@ -1,0 +1,136 @@
+"""The phase field of a body that moves: solved around the points where it can change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from cases import Case
+from numerics.costs import Costs
+from numerics.phase_field_window import BLOCK, RINGS, conjugate_gradients, fold
+from physics.elasticity import MaterialTable
+from physics.phase_field import BROKEN, PhaseFieldCoefficients
+
+from . import phase_field_kernels
+from .moving_body import MovingBody
+
+_SQUARE = np.ones((3, 3), bool)
+
+
+class PointPhaseField:
+    """The phase field of one body (Eq. 4.16), solved on blocks of cells around the points where it would change.
+
+    Nothing is held at the rim of the blocks, where the solution is cut off; one further ring of blocks is solved for
+    and forgotten. The nodal values are kept as the start of the next solution.
+    """
+
+    def __init__(self, case: Case, number: int, body: MovingBody, costs: Costs) -> None:
+        self._body, self._costs, self._tolerance = body, costs, case.staggered.tolerance
+        of_body = PhaseFieldCoefficients(MaterialTable(case), np.array([number]))
+        self._drive, self._resistance = float(of_body.drive[0]), float(of_body.resistance[0])
+        self._diffusion, self._toughness = float(of_body.diffusion[0]), float(of_body.toughness[0])
+        self._length_scale = float(of_body.length_scale[0])
+        self._block = max(1, round(BLOCK * self._length_scale / body.h))
+        self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
+        self._nodal = np.ones(0)
+
+    def solve(self, now: float, everywhere: bool = False) -> None:
+        """Write the body's ``points.c`` for its ``points.history``, at the points' present places."""
+        marked = self._changing_blocks()
+        marked[:] |= everywhere
+        if not marked.any():
+            return
+        self._keep_nodes()
+        solved = binary_dilation(marked, _SQUARE, iterations=RINGS + 1)
+        cells = self._cells_of(solved)
+        iterations = self._solve_on(cells)
+        self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
+        inside = np.zeros(len(self._nodal), bool)
+        inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS))] = True
+        body, p = self._body, self._body.points
+        phase_field_kernels.to_points(
+            body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, p.history, self._toughness,
+            self._length_scale, now, BROKEN, p.c, p.crack_energy, p.solved_for, p.broken_at,
+        )  # fmt: skip
+
+    def _changing_blocks(self) -> NDArray:
+        body, p = self._body, self._body.points
+        shape = -(-body.shape // self._block)
+        marked = np.zeros(shape, bool)
+        phase_field_kernels.mark_changing(
+            body.strips, p.x, p.y, p.history, p.solved_for, p.c, self._drive, self._resistance, self._tolerance,
+            self._block, shape[1], marked.reshape(-1),
+        )  # fmt: skip
+        return marked
+
+    def _keep_nodes(self) -> None:
+        """Forget the nodal values when the body's window has moved; they are but the start of the solution."""
+        window = (self._body.corner, self._body.shape)
+        if not all(np.array_equal(a, b) for a, b in zip(window, self._window, strict=True)):
+            self._window = (window[0].copy(), window[1].copy())
+            self._nodal = np.ones(int(np.prod(window[1])))
+
+    def _cells_of(self, blocks: NDArray) -> NDArray:
+        """Cells (m,) of the marked blocks, as numbers of their first nodes."""
+        order, shape = self._body.order, self._body.shape
+        mask = np.repeat(np.repeat(blocks, self._block, axis=0), self._block, axis=1)
+        mask = mask[: shape[0] - order, : shape[1] - order]
+        i, j = np.nonzero(mask)
+        return i * shape[1] + j
+
+    def _solve_on(self, cells: NDArray) -> int:
+        """Find the nodal phase field on cells; returns the number of iterations."""
+        body, p = self._body, self._body.points
+        k, width = body.order + 1, body.width
+        number = np.full(len(self._nodal), -1, np.int32)
+        number[cells] = np.arange(len(cells), dtype=np.int32)
+        local, right_side = np.zeros((len(cells), k * k * (k * k + 1) // 2)), np.zeros((len(cells), k * k))
+        phase_field_kernels.cell_equations(
+            body.order, body.strips, p.x, p.y, p.volume, p.history, self._drive, self._resistance, self._diffusion,
+            1.0 / body.h, width, number, local, right_side,
+        )  # fmt: skip
+        offsets = (np.arange(k)[:, None] * width + np.arange(k)).ravel()
+        nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)
+        return self._solve_rows(nodes_of_cells, local, right_side)
+
+    def _solve_rows(self, nodes_of_cells: NDArray, local: NDArray, parts: NDArray) -> int:
+        """Each row couples a node with those up to ``order`` away in both directions."""
+        order, width = self._body.order, self._body.width
+        used = np.zeros(len(self._nodal), bool)
+        used[nodes_of_cells.ravel()] = True
+        nodes = np.flatnonzero(used)
+        # one row more stands for all nodes that do not take part
+        rows = np.full(len(self._nodal), len(nodes), np.int32)
+        rows[nodes] = np.arange(len(nodes), dtype=np.int32)
+        span = np.arange(-order, order + 1)
+        near = nodes[:, None] + (span[:, None] * width + span).ravel()
+        neighbours = rows[np.clip(near, 0, len(rows) - 1)]
+        values, right_side = np.zeros((len(nodes) + 1, len(span) ** 2)), np.zeros(len(nodes) + 1)
+        fold(rows[nodes_of_cells], self._slots, local, parts, values, right_side)
+        solution, diagonal = self._nodal[nodes], np.full(len(nodes), len(span) ** 2 // 2)
+        iterations = conjugate_gradients(neighbours, values[:-1], diagonal, right_side[:-1], solution)
+        self._nodal[nodes] = solution
+        return iterations
+
+    @property
+    def _slots(self) -> NDArray:
+        """Entry (1, k², k²) of a node's row in which another node of the cell stands."""
+        order = self._body.order
+        across, up = (place.ravel() for place in np.indices((order + 1, order + 1)))
+        away = across - across[:, None] + order, up - up[:, None] + order
+        return (away[0] * (2 * order + 1) + away[1])[None]
+
+    def fracture_energy(self) -> float:
+        """Energy of the body's cracks [energy] (Eq. 2.49)."""
+        return float(self._body.points.crack_energy @ self._body.points.volume)
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Where the next solution starts from."""
+        return {"corner": self._window[0], "shape": self._window[1], "nodal": self._nodal}
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to a checkpoint."""
+        self._window, self._nodal = (saved["corner"], saved["shape"]), saved["nodal"].copy()

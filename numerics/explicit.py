@@ -1,0 +1,221 @@
+"""Explicit integration in time: the outer loop of thesis Algorithm 3, once for both solvers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+
+from .costs import Costs
+from .fields import Fields
+from .time_steps import step_size
+
+
+class BlewUpError(RuntimeError):
+    """A step left the range in which the integration is stable; the message says what was seen."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Energies [energy] and momentum (2,) [force time] of a moving discretisation.
+
+    ``external_work`` is that of tractions, gravity, damping and prescribed motions since the start; ``external_power`` is
+    its present rate; ``contact_work`` is that of friction between the bodies, at most zero.
+    """
+
+    elastic: float
+    fracture: float
+    kinetic: float
+    external_work: float
+    external_power: float
+    contact_work: float
+    momentum: tuple[float, float]
+
+    @property
+    def total(self) -> float:
+        """Energy held now."""
+        return self.elastic + self.fracture + self.kinetic
+
+
+class DynamicDiscretisation(Protocol):
+    """What a solver offers to the explicit driver."""
+
+    costs: Costs
+
+    def stable_step(self) -> float:
+        """Largest time step by the case's rule, before the case's share [time]."""
+
+    def step(self, now: float, size: float) -> None:
+        """Go from time `now` to `now + size`, phase field included; raises BlewUpError."""
+
+    def balance(self) -> Balance:
+        """Energies and momentum now."""
+
+    def least_phase_field(self) -> float:
+        """Smallest phase field."""
+
+    def monitored(self) -> dict[str, float]:
+        """Further columns of the history, the same ones at every record."""
+
+    def fields(self) -> Fields:
+        """Everything to be seen now."""
+
+    def measures(self) -> dict[str, float]:
+        """Scalars that only the solver can tell at the end."""
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Arrays from which `restore` makes the state again."""
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to the state of a checkpoint of the same case."""
+
+
+#: growth of the energy over what was there and was put in that counts as instability
+LARGEST_GAIN = 2.0
+
+
+@dataclass(frozen=True)
+class Instant:
+    """State of the run at one time; ``steps_per_second`` since the start, ``columns`` those of the discretisation."""
+
+    step: int
+    time: float
+    balance: Balance
+    c_min: float
+    steps_per_second: float
+    seconds: float
+    status: str
+    share: float
+    reason: str = ""
+    columns: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def u(self) -> float:
+        """In dynamics the load parameter is the time."""
+        return self.time
+
+    @property
+    def is_last(self) -> bool:
+        """Nothing comes after it."""
+        return self.status == "blew_up"
+
+    @property
+    def is_good(self) -> bool:
+        """It holds a new state of the history."""
+        return self.status != "blew_up"
+
+    def row(self) -> dict[str, float]:
+        """Columns of the history; F, conjugate to the time, is the power of the external forces."""
+        balance = self.balance
+        return {
+            "step": self.step,
+            "time": self.time,
+            "u": self.time,
+            "F": balance.external_power,
+            "E_el": balance.elastic,
+            "E_frac": balance.fracture,
+            "E_kin": balance.kinetic,
+            "W_ext": balance.external_work,
+            "c_min": self.c_min,
+            "staggered": 1,
+            "newton": 0,
+            "seconds": round(self.seconds, 6),
+            "W_contact": balance.contact_work,
+            "momentum_x": balance.momentum[0],
+            "momentum_y": balance.momentum[1],
+            **self.columns,
+        }
+
+    def text(self) -> str:
+        """Time, pace and energies for the progress display."""
+        energy = self.balance
+        return (
+            f"step {self.step} t={self.time:.5g} {self.steps_per_second:.0f} steps/s E_kin={energy.kinetic:.4g}"
+            f" E_el={energy.elastic:.4g} E_frac={energy.fracture:.4g} c_min={self.c_min:.2f}"
+        )
+
+
+def instants(discretisation: DynamicDiscretisation, case: Case, after: Instant | None = None) -> Iterator[Instant]:
+    """Integrate the case in time; yields the state at the start, then every so many steps.
+
+    The last one's status is "running" where the end was reached, or "blew_up". ``after`` goes on behind an instant
+    whose state the discretisation has been restored to.
+    """
+    return _TimeMarch(discretisation, case, after).follow()
+
+
+def number_of_steps(case: Case, stable: float) -> int:
+    """Equal steps to the end of a dynamic case where `stable` is the step by its rule [time]."""
+    assert case.dynamics is not None
+    return int(np.ceil(case.dynamics.end_time / step_size(case, stable) * (1.0 - 1e-12)))
+
+
+class _TimeMarch:
+    """Steps of equal size from 0 to the end of the run."""
+
+    def __init__(self, discretisation: DynamicDiscretisation, case: Case, after: Instant | None) -> None:
+        assert case.dynamics is not None
+        self.discretisation, self.after = discretisation, after
+        self.end = case.dynamics.end_time
+        self.n_steps = number_of_steps(case, discretisation.stable_step())
+        self.size = self.end / self.n_steps
+        evenly = np.linspace(0, self.n_steps, min(case.output.records, self.n_steps) + 1)
+        times = [t for t in (*case.snapshots, *case.frame_times) if t <= self.end]
+        #: steps after which the state is told, snapshots and frames at the first step that reaches their time
+        self.told = {*map(int, np.round(evenly)), *(int(np.ceil(t / self.size * (1.0 - 1e-12))) for t in times)}
+        self.started = time.perf_counter() - (after.seconds if after else 0.0)
+        self.first = discretisation.balance().total if after is None else 0.0
+
+    def follow(self) -> Iterator[Instant]:
+        """The first state, then each one that is told."""
+        if self.after is None:
+            yield self._instant(0)
+        elif self.after.is_last:
+            return
+        begin = self.after.step if self.after else 0
+        for step in range(begin, self.n_steps):
+            try:
+                self.discretisation.step(step * self.size, self.size)
+            except BlewUpError as error:
+                yield self._instant(step + 1, f"step {step + 1} at t = {(step + 1) * self.size:.6g}: {error}")
+                return
+            self.discretisation.costs.count["steps"] += 1
+            if step + 1 in self.told:
+                instant = self._instant(step + 1)
+                yield instant
+                if instant.is_last:
+                    return
+
+    def _instant(self, step: int, problem: str = "") -> Instant:
+        balance, seconds = self.discretisation.balance(), time.perf_counter() - self.started
+        problem = problem or self._growth(step, balance)
+        return Instant(
+            step=step,
+            time=step * self.size,
+            balance=balance,
+            c_min=self.discretisation.least_phase_field(),
+            steps_per_second=step / seconds if seconds else 0.0,
+            seconds=seconds,
+            status="blew_up" if problem else "running",
+            share=step / self.n_steps,
+            reason=problem,
+            columns=self.discretisation.monitored(),
+        )
+
+    def _growth(self, step: int, balance: Balance) -> str:
+        """What speaks for instability: energy that nobody put in."""
+        if not np.isfinite(balance.total):
+            return f"step {step}: the energy is not finite"
+        given = self.first + abs(balance.external_work)
+        if balance.kinetic + balance.elastic > LARGEST_GAIN * given and given > 0.0:
+            return (
+                f"step {step}: the energy has grown to {balance.total:.4g} of {given:.4g} given to the bodies; the time"
+                f" step {self.size:.4g} is above the stability limit, shorten it"
+            )
+        return ""

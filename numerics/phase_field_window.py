@@ -1,0 +1,161 @@
+"""The phase field in small time steps: solved only around the cells where it can change.
+
+The cells are kept in square blocks. Blocks with a cell whose phase field would change by more than a tolerance make the
+window, together with four rings of blocks around them; outside it the phase field stays, and it is held at nodes that
+cells outside the window share. What a change leaves out has decayed by exp(-RINGS BLOCK / 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from .linear_solvers import LinearSolverError
+
+#: side of a block in multiples of l0
+BLOCK = 2.0
+#: rings of blocks that a change reaches
+RINGS = 4
+#: largest change of the phase field that the solution may leave out
+RESIDUAL = 1e-5
+#: diagonal over the largest one below which a node holds no material to speak of
+EMPTY = 1e-12
+#: stiffness of the pull towards the start of the solution, over the diagonal
+PULL = 1e-6
+NOT_FOUND = "the phase field of a time step was not found; its equation holds a value that is not finite"
+
+
+@dataclass(frozen=True)
+class Window:
+    """Cells (m,) to solve on and the nodes (n,) whose phase field is unknown: those of no other cell."""
+
+    cells: NDArray
+    nodes: NDArray
+
+
+class Blocks:
+    """Cells of a fixed mesh or grid in square blocks.
+
+    Parameters
+    ----------
+    centres : (n_cells, 2) [length].
+    nodes : (n_cells, k) of each cell.
+    n_nodes : number of all nodes.
+    breakable : (n_cells,) cells that take part.
+    size : side of a block [length].
+    """
+
+    def __init__(self, centres: NDArray, nodes: NDArray, n_nodes: int, breakable: NDArray, size: float) -> None:
+        place = np.floor((centres - centres.min(axis=0)) / size).astype(np.int64)
+        self._shape = tuple(place.max(axis=0) + 1)
+        self._block = place[:, 0] * self._shape[1] + place[:, 1]
+        taking_part = np.flatnonzero(breakable)
+        self._members = taking_part[np.argsort(self._block[taking_part], kind="stable")]
+        self._starts = np.searchsorted(self._block[self._members], np.arange(self._shape[0] * self._shape[1] + 1))
+        self._nodes = nodes
+        self._shared_by = np.bincount(nodes[breakable].ravel(), minlength=n_nodes)
+
+    def around(self, change: NDArray, tolerance: float) -> Window | None:
+        """The window for expected changes of the phase field (n_cells,), None where all are within the tolerance."""
+        changing = change > tolerance
+        if not changing.any():
+            return None
+        blocks = np.zeros(self._shape, bool)
+        blocks.ravel()[self._block[changing]] = True
+        chosen = np.flatnonzero(binary_dilation(blocks, np.ones((3, 3), bool), iterations=RINGS))
+        cells = np.concatenate([self._members[self._starts[b] : self._starts[b + 1]] for b in chosen])
+        shared_here = np.bincount(self._nodes[cells].ravel(), minlength=len(self._shared_by))
+        return Window(cells, np.flatnonzero((shared_here > 0) & (shared_here == self._shared_by)))
+
+
+@njit(cache=True)
+def fold(rows_of_cells, slots, local, parts, values, right_side):
+    """Add cells' equations to rows with a fixed number of entries, in the order of the cells.
+
+    rows_of_cells : (m, k) row of each node, n_rows for none. slots : (m or 1, k, k) entry of its row in which a node
+    couples with another one. local : (m, k (k + 1) / 2) upper halves. parts : (m, k) of the right side.
+    values : (n_rows + 1, s) and right_side : (n_rows + 1,), the last row to be ignored.
+    """
+    k = rows_of_cells.shape[1]
+    last = slots.shape[0] - 1
+    for cell in range(rows_of_cells.shape[0]):
+        slot = slots[min(cell, last)]
+        entry = 0
+        for a in range(k):
+            row = rows_of_cells[cell, a]
+            right_side[row] += parts[cell, a]
+            values[row, slot[a, a]] += local[cell, entry]
+            entry += 1
+            for b in range(a + 1, k):
+                values[row, slot[a, b]] += local[cell, entry]
+                values[rows_of_cells[cell, b], slot[b, a]] += local[cell, entry]
+                entry += 1
+
+
+def conjugate_gradients(
+    neighbours: NDArray, values: NDArray, diagonal: NDArray, right_side: NDArray, solution: NDArray
+) -> int:
+    """Solve for the phase field in place, from what is in ``solution`` (n,); returns the number of iterations.
+
+    neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
+    the diagonal. right_side : (n,). Rows without a diagonal to speak of keep their value.
+    """
+    iterations = _solve_rows(neighbours, values, diagonal, right_side, RESIDUAL, solution)
+    if iterations < 0:
+        raise LinearSolverError(NOT_FOUND)
+    return iterations
+
+
+@njit(cache=True, parallel=True)
+def _row_products(neighbours, values, vector, product):
+    """``vector`` has one entry more, which is zero."""
+    for i in prange(neighbours.shape[0]):
+        total = 0.0
+        for s in range(neighbours.shape[1]):
+            total += values[i, s] * vector[neighbours[i, s]]
+        product[i] = total
+
+
+@njit(cache=True)
+def _solve_rows(neighbours, values, diagonal, right_side, tolerance, solution):
+    n = solution.size
+    direction, product = np.zeros(n + 1), np.empty(n)
+    direction[:n] = solution
+    _row_products(neighbours, values, direction, product)
+    residual, scale = right_side - product, np.empty(n)
+    # combinations of nodes that no point sees would grow without bound: a pull towards the start
+    for i in range(n):
+        values[i, diagonal[i]] *= 1.0 + PULL
+    old = largest = 0.0
+    for i in range(n):
+        largest = max(largest, values[i, diagonal[i]])
+    for i in range(n):
+        # nodes that hardly any material reaches do not take part
+        d = values[i, diagonal[i]]
+        scale[i] = 1.0 / d if d > EMPTY * largest else 0.0
+        direction[i] = residual[i] * scale[i]
+        old += residual[i] * direction[i]
+    for iteration in range(10 * n + 10):
+        most = 0.0
+        for i in range(n):
+            most = max(most, abs(residual[i] * scale[i]))
+        if most <= tolerance:
+            return iteration
+        _row_products(neighbours, values, direction, product)
+        step = old / np.dot(direction[:n], product)
+        if not np.isfinite(step):
+            return -1
+        new = 0.0
+        for i in range(n):
+            solution[i] += step * direction[i]
+            residual[i] -= step * product[i]
+            new += residual[i] * residual[i] * scale[i]
+        ratio = new / old
+        for i in range(n):
+            direction[i] = residual[i] * scale[i] + ratio * direction[i]
+        old = new
+    return -1

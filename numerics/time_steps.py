@@ -1,0 +1,68 @@
+"""Time steps of explicit integration: a bound proven for B-splines with lumped mass, and the Courant number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cases import Case, CaseError
+from physics.elasticity import MaterialTable
+
+#: h² times the largest sum over I of (dN_I/dx)² / N_I of one direction; hat functions have none
+LARGEST_GRADIENT = {2: 6.0, 3: 3.136820}
+
+
+def largest_eigenvalue(order: int, spacing: float, lam: float, mu: float, density: float) -> float:
+    """Bound of the largest eigenvalue of M⁻¹ K for any cloud of points on a uniform grid [1/time²].
+
+    Mass and stiffness are sums over the points, so the largest eigenvalue is at most the largest one of a single
+    point, that of D diag(Sx, Sy, Sx + Sy) / density with Sx = sum over I of (dN_I/dx)² / N_I: the functions of the
+    other direction sum to one, and mixed products of derivatives to zero. Neither more mass nor damaged material
+    raises it.
+
+    Parameters
+    ----------
+    order : of the splines. lam, mu : in-plane Lamé constants [stress]. density : [force time²/length⁴].
+    """
+    gradient = LARGEST_GRADIENT[order] / spacing**2
+    return max(2.0 * (lam + mu), 2.0 * mu) * gradient / density
+
+
+def proven_step(case: Case) -> float:
+    """Largest step 2 / sqrt(lambda_max) that is stable for any cloud of points of the case's bodies [time].
+
+    Raises CaseError for hat functions: a point near a cell's edge may need any step.
+    """
+    table, order = MaterialTable(case), case.mpm.order
+    if order not in LARGEST_GRADIENT:
+        raise CaseError(
+            f"{case.source}: dynamics.time_step_rule: no step is proven for hat functions (mpm.order = 1); give"
+            ' mpm.order = 2 or 3, time_step_rule = "courant", or a time_step.'
+        )
+    values = [
+        largest_eigenvalue(order, case.mesh.h, table.lame_lambda[i], table.shear_modulus[i], density)
+        for i, density in enumerate(table.density)
+    ]
+    return 2.0 / float(np.sqrt(max(values)))
+
+
+def wave_speeds(case: Case) -> np.ndarray:
+    """Speed of pressure waves (n_bodies,), sqrt((lambda + 2 mu) / density) [length/time] (Eq. 6.49, with its root)."""
+    table = MaterialTable(case)
+    return np.sqrt((table.lame_lambda + 2.0 * table.shear_modulus) / table.density)
+
+
+def courant_step(case: Case) -> float:
+    """h / c, the fastest body's (Eq. 6.48) [time]."""
+    return case.mesh.h / float(wave_speeds(case).max())
+
+
+def stable_step(case: Case) -> float:
+    """The case's rule for material points on a uniform grid, before its share [time]."""
+    assert case.dynamics is not None
+    return proven_step(case) if case.dynamics.time_step_rule == "proven" else courant_step(case)
+
+
+def step_size(case: Case, stable: float) -> float:
+    """Step that the case asks for where `stable` is the step by its rule [time]."""
+    assert case.dynamics is not None
+    return case.dynamics.time_step or case.dynamics.time_step_share * stable

@@ -1,0 +1,177 @@
+"""Pictures of moving bodies, where the material is at the time: a film, and a figure that stands still."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
+
+from verify.frames import Frame, read_frames
+
+from . import style
+from .curves import run_label
+from .words import listed, number
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.image import AxesImage
+
+    from .results import CaseResults, RunResults
+
+PIXELS = 420  # along the longer side of a picture
+FILM_DPI = 110
+PRINTED = 4  # frames in the figure that stands still
+LARGEST_ROWS = 2
+#: a pixel farther from every point than this many of their spacings lies outside the bodies
+REACH = 1.6
+EXTREME_PERCENTILE = 99.0
+
+
+class _View:
+    """What part of the plane is shown, and the pixels in it."""
+
+    def __init__(self, frames: list[Frame]) -> None:
+        places = [frame.reference + frame.displacement for frame in frames]
+        lower = np.array([p.min(axis=0) for p in places]).min(axis=0, keepdims=True)[0]
+        upper = np.array([p.max(axis=0) for p in places]).max(axis=0, keepdims=True)[0]
+        margin = 0.02 * (upper - lower).max()
+        self.lower: np.ndarray = np.asarray(lower - margin)
+        self.upper: np.ndarray = np.asarray(upper + margin)
+        extent: np.ndarray = np.asarray(self.upper - self.lower)
+        self.shape: np.ndarray = np.asarray(np.maximum(np.round(PIXELS * extent / extent.max()).astype(int), 1))
+        centres = [self.lower[d] + (np.arange(self.shape[d]) + 0.5) / self.shape[d] * extent[d] for d in (0, 1)]
+        self.pixels = np.stack(np.meshgrid(*centres), axis=-1).reshape(-1, 2)
+        self.aspect = float(extent[1] / extent[0])
+
+    def paint(self, places: np.ndarray, values: np.ndarray) -> np.ma.MaskedArray:
+        """Image (rows, columns): the value of the nearest point, masked where there is none near or it is NaN."""
+        tree = cKDTree(places)
+        to_neighbours, _ = tree.query(places[:: max(1, len(places) // 500)], k=[2])
+        spacing = float(np.median(to_neighbours))
+        pixel = float((self.upper - self.lower).max()) / PIXELS
+        distance, nearest = tree.query(self.pixels, distance_upper_bound=max(REACH * spacing, pixel))
+        found = np.isfinite(distance)
+        image = np.full(len(self.pixels), np.nan)
+        image[found] = values[np.asarray(nearest)[found]]
+        return np.ma.masked_invalid(image.reshape(self.shape[1], self.shape[0]))
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Extent as matplotlib wants it."""
+        return self.lower[0], self.upper[0], self.lower[1], self.upper[1]
+
+
+def _frames_of(results: CaseResults) -> list[tuple[RunResults, list[Frame]]]:
+    """Runs with frames, and their frames."""
+    read = [(run, list(read_frames(run.folder.folder))) for run in results.main_runs(LARGEST_ROWS)]
+    return [(run, frames) for run, frames in read if frames]
+
+
+def _phase_field(view: _View, frame: Frame) -> np.ma.MaskedArray:
+    return view.paint(frame.reference + frame.displacement, frame.phase_field)
+
+
+def _stress(view: _View, frame: Frame) -> np.ma.MaskedArray:
+    kept = frame.phase_field >= style.BROKEN_BELOW
+    return view.paint(frame.reference + frame.displacement, np.where(kept, frame.hydrostatic_stress, np.nan))
+
+
+def _stress_limit(all_frames: list[Frame]) -> float:
+    whole = [np.abs(f.hydrostatic_stress[f.phase_field >= style.BROKEN_BELOW]) for f in all_frames]
+    return max((float(np.percentile(values, EXTREME_PERCENTILE)) for values in whole if values.size), default=0.0) or 1.0
+
+
+def _broke(all_frames: list[Frame]) -> bool:
+    return any(frame.phase_field.min() < 0.999 for frame in all_frames)
+
+
+# ---------------------------------------------------------------- the film
+
+
+def film(results: CaseResults, folder: Path) -> style.Film | None:
+    """Draw one picture per frame: a row for each run, phase field and mean stress beside each other."""
+    shown = _frames_of(results)
+    if not shown:
+        return None
+    count = min(len(frames) for _, frames in shown)
+    every = [frame for _, frames in shown for frame in frames[:count]]
+    view, limit, broke = _View(every), _stress_limit(every), _broke(every)
+    figure, images, title = _film_figure(results, [run for run, _ in shown], view, limit, broke)
+    files, times = [], []
+    for step in range(count):
+        for row, (_, frames) in zip(images, shown, strict=True):
+            for image, picture in zip(row, _pictures(view, frames[step], broke), strict=True):
+                image.set_data(picture)
+        times.append(float(shown[0][1][step].time))
+        title.set_text(f"t = {number(times[-1])} {results.unit('time')}")
+        files.append(style.save_picture(figure, folder, f"film-{step:03d}", FILM_DPI))
+        figure.set_layout_engine("none")  # where the first one put everything
+    caption = (
+        f"{listed(run_label(run) for run, _ in shown)} at {count} times, where the material is at the time. Mean stress: "
+        f"(σxx + σyy)/2, colours cut at ±{number(limit, 3)} {results.unit('stress')}; points with "
+        f"c < {style.BROKEN_BELOW:g} are removed from it."
+    )
+    return style.Film("film", "Motion", caption, files, times, results.unit("time"))
+
+
+def _pictures(view: _View, frame: Frame, broke: bool) -> list[np.ma.MaskedArray]:
+    return [_phase_field(view, frame), _stress(view, frame)] if broke else [_stress(view, frame)]
+
+
+def _film_figure(
+    results: CaseResults, runs: list[RunResults], view: _View, limit: float, broke: bool
+) -> tuple[Figure, list[list[AxesImage]], Any]:
+    kinds: list[tuple[str, dict[str, Any]]] = [
+        (f"(σxx + σyy)/2 [{results.unit('stress')}]", {"cmap": style.SIGNED_COLOURS, "clim": (-limit, limit)})
+    ]
+    if broke:
+        kinds.insert(0, ("phase field c", {"cmap": style.PHASE_FIELD_COLOURS, "clim": (0.0, 1.0)}))
+    width = 8.6
+    height = float(np.clip(len(runs) * (0.92 * width / len(kinds) * view.aspect + 0.3) + 1.1, 2.5, 11.0))
+    figure, grid = style.panels(len(runs), len(kinds), width, height, sharex=True, sharey=True)
+    empty = np.zeros((view.shape[1], view.shape[0]))
+    images = [
+        [
+            axes.imshow(empty, extent=view.box, origin="lower", interpolation="nearest", **colours)
+            for axes, (_, colours) in zip(row, kinds, strict=True)
+        ]
+        for row in grid
+    ]
+    for row, run in zip(grid, runs, strict=True):
+        row[0].set_ylabel(f"{run_label(run)}\ny [{results.unit('length')}]")
+    for axes, image, (label, _) in zip(grid[-1], images[-1], kinds, strict=True):
+        axes.set_xlabel(f"x [{results.unit('length')}]")
+        figure.colorbar(image, ax=axes, location="bottom", shrink=0.8, aspect=40, label=label)
+    return figure, images, figure.suptitle(" ", fontsize=10)
+
+
+# ---------------------------------------------------------------- the figure that stands still
+
+
+def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the phase field of the runs at a few times, where the material is at the time."""
+    shown = _frames_of(results)
+    every = [frame for _, frames in shown for frame in frames]
+    if not shown or not _broke(every):
+        return None
+    view = _View(every)
+    chosen = np.unique(np.linspace(0, min(len(f) for _, f in shown) - 1, PRINTED + 1).round().astype(int)[1:])
+    width = 8.4
+    height = len(shown) * (0.9 * width / len(chosen) * min(view.aspect, 2.5) + 0.4) + 0.3
+    figure, grid = style.panels(len(shown), len(chosen), width, height, sharex=True, sharey=True)
+    for row, (run, frames) in zip(grid, shown, strict=True):
+        for axes, step in zip(row, chosen, strict=True):
+            painted = axes.imshow(
+                _phase_field(view, frames[step]), extent=view.box, origin="lower", interpolation="nearest",
+                cmap=style.PHASE_FIELD_COLOURS, clim=(0.0, 1.0),
+            )  # fmt: skip
+            axes.set_title(f"{run_label(run)}, t = {number(frames[step].time, 3)} {results.unit('time')}", fontsize=8)
+        row[0].set_ylabel(f"y [{results.unit('length')}]")
+    for axes in grid[-1]:
+        axes.set_xlabel(f"x [{results.unit('length')}]")
+    figure.colorbar(painted, ax=grid, shrink=0.85, aspect=30, pad=0.015, label="phase field c (0 broken, 1 intact)")
+    caption = "Phase field where the material is at the time; displacements are not magnified."
+    return style.Drawing("phase-field", "Phase field", caption, style.save(figure, folder, "phase-field"))

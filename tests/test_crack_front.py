@@ -1,0 +1,105 @@
+"""Tips, speeds, branching, fragments and symmetry on cracks that are drawn, not computed."""
+
+import numpy as np
+import pytest
+
+from verify import crack_front
+
+H, LENGTH_SCALE = 0.5, 0.5
+SPEED, FORK, HALF_ANGLE = 0.8, np.array([30.0, 20.0]), np.radians(30.0)
+START = np.array([10.0, 20.0])
+
+
+def lattice(width=60.0, height=40.0, spacing=0.5 * H):
+    x, y = np.arange(0.5 * spacing, width, spacing), np.arange(0.5 * spacing, height, spacing)
+    return np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
+
+
+def distance_and_place(points, start, end):
+    """Distance (n,) from a segment and the length along it (n,) where the foot lies."""
+    direction = (end - start) / np.linalg.norm(end - start)
+    along = np.clip((points - start) @ direction, 0.0, np.linalg.norm(end - start))
+    return np.linalg.norm(points - start - along[:, None] * direction, axis=1), along
+
+
+def branched_crack(points):
+    """Phase field and break times of a crack that runs at constant speed and forks into two."""
+    arm = 20.0 * np.array([np.cos(HALF_ANGLE), np.sin(HALF_ANGLE)])
+    stem = np.linalg.norm(FORK - START)
+    phase, when = np.ones(len(points)), np.full(len(points), np.inf)
+    for start, end, before in ((START, FORK, 0.0), (FORK, FORK + arm, stem), (FORK, FORK + arm * [1, -1], stem)):
+        distance, along = distance_and_place(points, start, end)
+        phase = np.minimum(phase, 1.0 - np.exp(-distance / (2.0 * LENGTH_SCALE)))
+        near = distance < -2.0 * LENGTH_SCALE * np.log(0.75)
+        when[near] = np.minimum(when[near], (before + along[near]) / SPEED)
+    return phase, np.where(np.isfinite(when), when, np.nan)
+
+
+@pytest.fixture(scope="module")
+def ways():
+    points = lattice()
+    return crack_front.branches(points, *branched_crack(points), H, start=START)
+
+
+def test_both_branches_of_a_fork_are_found(ways):
+    ends = sorted((way.points[-1] for way in ways), key=lambda end: end[1])
+    arm = 20.0 * np.array([np.cos(HALF_ANGLE), np.sin(HALF_ANGLE)])
+    assert len(ways) == 2
+    np.testing.assert_allclose(ends, [FORK + arm * [1, -1], FORK + arm], atol=2 * H)
+
+
+def test_the_speed_of_each_tip_is_that_of_the_drawn_crack(ways):
+    for way in ways:
+        _, speed = way.speed(interval=1.0)
+        assert len(speed) > 30
+        assert np.median(speed) == pytest.approx(SPEED, rel=0.03)
+        assert speed.max() < 1.25 * SPEED
+
+
+def test_branching_time_and_angle(ways):
+    assert crack_front.branching_time(ways) == pytest.approx(20.0 / SPEED, abs=3 * H / SPEED)
+    assert crack_front.branching_angle(ways, 10.0) == pytest.approx(60.0, abs=3.0)
+
+
+def test_a_straight_crack_does_not_branch():
+    points = lattice()
+    distance, along = distance_and_place(points, START, FORK)
+    when = np.where(distance < 0.5, along / SPEED, np.nan)
+    way, *others = crack_front.branches(points, np.where(distance < 0.5, 0.0, 1.0), when, H, start=START)
+    assert not others and way.forks == ()
+    assert np.isnan(crack_front.branching_time([way]))
+    assert way.along[-1] == pytest.approx(20.0, abs=2 * H)
+
+
+def test_a_tip_that_waits_does_not_move(ways):
+    before, after = ways[0].position([-1.0, 1e6])
+    assert np.isnan(before) and np.isnan(after)
+
+
+def test_nothing_broken_gives_no_branches():
+    points = lattice()
+    assert crack_front.branches(points, np.ones(len(points)), np.full(len(points), np.nan), H) == []
+
+
+def test_a_crack_through_a_body_makes_two_fragments_and_crumbs_do_not_count():
+    points, thickness = lattice(10.0, 6.0), 2.0
+    volume = np.full(len(points), (0.5 * H) ** 2 * thickness)
+    body = np.where(points[:, 0] < 4.0, 0, 1)
+    through = np.abs(points[:, 0] - 7.0) < 0.5
+    half = through & (points[:, 1] < 3.0)
+    arguments = (points, volume, thickness, body)
+    assert crack_front.fragments(*arguments, broken=np.zeros(len(points), bool), least_share=0.01) == 2
+    assert crack_front.fragments(*arguments, broken=half, least_share=0.01) == 2
+    assert crack_front.fragments(*arguments, broken=through, least_share=0.01) == 3
+    ring = (np.abs(points - [9.0, 3.0]).max(axis=1) < 0.8) & (np.abs(points - [9.0, 3.0]).max(axis=1) > 0.3)
+    assert crack_front.fragments(*arguments, broken=ring, least_share=0.1) == 2
+    assert crack_front.fragments(*arguments, broken=ring, least_share=1e-4) == 3
+
+
+def test_asymmetry_is_the_largest_difference_of_mirror_images():
+    points = lattice(10.0, 6.0)
+    values = np.cos(points[:, 1] - 3.0) * points[:, 0]
+    assert crack_front.asymmetry(points, values, axis=1, middle=3.0) < 1e-12
+    values[7] += 0.25
+    assert crack_front.asymmetry(points, values, axis=1, middle=3.0) == pytest.approx(0.25)
+    assert crack_front.asymmetry(points, values, axis=0, middle=5.0) > 5.0

@@ -1,0 +1,215 @@
+"""The explicit material point method: bases, steps, rotation, contact, resuming, errors."""
+
+import numpy as np
+import pytest
+
+from cases import Case, CaseError, case_from_tables
+from mpm import ExplicitMaterialPoints
+from mpm.explicit_kernels import spline_values, turned_strain
+from mpm.moving_body import MovingBody
+from numerics.explicit import instants
+from numerics.time_steps import LARGEST_GRADIENT, largest_eigenvalue, proven_step
+
+STEEL = {"young": 1.0, "poisson": 0.3, "density": 1.0}
+
+
+def square(left: float, **more) -> dict:
+    """A square of side one, its lower left corner at (left, 0)."""
+    return {"material": "soft", "shape": {"rectangle": {"lower": [left, 0.0], "upper": [left + 1.0, 1.0]}}, **more}
+
+
+def case_of(bodies: dict, end_time: float = 1.0, **more) -> Case:
+    tables = {
+        "title": "t", "requirement": "r", "units": {"length": "mm", "force": "kN", "time": "ms"},
+        "plane": {"assumption": "strain"}, "materials": {"soft": STEEL}, "bodies": bodies,
+        "dynamics": {"end_time": end_time, **more.pop("dynamics", {})}, "mesh": {"h": more.pop("h", 0.25)},
+        "mpm": {"placement": "regular", "points_per_cell": 3, **more.pop("mpm", {})},
+        "runs": {"mpm": {"solver": "mpm"}}, **more,
+    }  # fmt: skip
+    return case_from_tables(tables, "standard", "mpm")
+
+
+def sharpest(order: int, xi: np.ndarray) -> np.ndarray:
+    """Sum of (dN/dx)² / N of the splines of a cell by differences."""
+    step = 1e-6
+    values = np.array([spline_values(order, x) for x in xi])
+    slopes = np.array([(spline_values(order, x + step) - spline_values(order, x - step)) / (2 * step) for x in xi])
+    return (slopes**2 / values).sum(axis=1)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_splines_sum_to_one_and_reproduce_places(order):
+    for xi in (0.0, 0.3, 0.999):
+        value = spline_values(order, xi)
+        places = np.arange(order + 1) - 0.5 * (order - 1)
+        assert value.sum() == pytest.approx(1.0, abs=1e-14)
+        assert value @ places == pytest.approx(xi, abs=1e-14)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_the_sharpest_gradient_is_the_bound(order):
+    found = sharpest(order, np.linspace(1e-3, 1.0 - 1e-3, 2000)).max()
+    assert LARGEST_GRADIENT[order] * 0.995 < found <= LARGEST_GRADIENT[order] * (1 + 1e-6)
+
+
+def eigenvalue_of_cloud(body: MovingBody) -> float:
+    """Largest eigenvalue of M⁻¹ K of a body's points, K by forces of unit displacements."""
+    points, grid = body.points, body.grid
+    body.map_to_grid()
+    used = np.flatnonzero(grid.m)
+    mass, columns = np.repeat(grid.m[used], 2), []
+    for node in used:
+        for velocity in (grid.vx, grid.vy):
+            points.exx[:], points.eyy[:], points.gxy[:] = 0.0, 0.0, 0.0
+            points.moved_x[:], points.moved_y[:] = 0.0, 0.0
+            grid.vx[:], grid.vy[:] = 0.0, 0.0
+            velocity[node] = 1.0
+            body.update_stresses(1.0)
+            body.map_to_grid()
+            columns.append(-np.column_stack([grid.fx[used], grid.fy[used]]).ravel())
+    root = 1.0 / np.sqrt(mass)
+    stiffness = np.array(columns).T
+    return float(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T) * np.outer(root, root)).max())
+
+
+@pytest.mark.parametrize(("order", "seed"), [(2, 0), (2, 1), (3, 2)])
+def test_no_random_cloud_exceeds_the_proven_eigenvalue(order, seed):
+    mpm = {"placement": "random", "points_per_cell": 1, "seed": seed, "order": order}
+    case = case_of({"a": square(0.0)}, mpm=mpm, dynamics={"rotation": "additive"})
+    body = ExplicitMaterialPoints(case).bodies[0]
+    lam, mu = 0.3 / (1.3 * 0.4), 0.5 / 1.3
+    bound = largest_eigenvalue(order, 0.25, lam, mu, 1.0)
+    found = eigenvalue_of_cloud(body)
+    assert 0.3 * bound < found <= bound
+
+
+def test_the_bound_is_that_of_plane_strain():
+    """0.816 sqrt(1 - nu) h / c of quadratic splines."""
+    c = np.sqrt(0.7 / (1.3 * 0.4))
+    assert proven_step(case_of({"a": square(0.0)})) == pytest.approx(2 / np.sqrt(6) * np.sqrt(0.7) * 0.25 / c, rel=1e-12)
+
+
+def test_hat_functions_have_no_bound():
+    with pytest.raises(CaseError, match="courant"):
+        proven_step(case_of({"a": square(0.0)}, mpm={"order": 1}))
+
+
+@pytest.mark.parametrize(("corotational", "expected"), [(True, (0.0, 1e-3, 0.0)), (False, (1e-3, 0.0, 0.0))])
+def test_strain_of_a_body_that_turns_by_ninety_degrees(corotational, expected):
+    """Each step is an exact turn: the corotational strain goes with it, the additive one dilates and stays behind."""
+    steps = 90
+    angle = 0.5 * np.pi / steps
+    turn = np.array([[np.cos(angle) - 1.0, -np.sin(angle)], [np.sin(angle), np.cos(angle) - 1.0]])
+    strain = (1e-3, 0.0, 0.0)
+    for _ in range(steps):
+        strain = turned_strain(*strain, *turn.ravel(), corotational)
+    if corotational:
+        np.testing.assert_allclose(strain, expected, atol=1e-14)
+    else:
+        shrunk = steps * (np.cos(angle) - 1.0)
+        np.testing.assert_allclose(strain, np.add(expected, (shrunk, shrunk, 0.0)), atol=1e-14)
+
+
+def approach(by_distance: bool, h: float = 0.25) -> float:
+    """Distance of two squares when they first push, in cells."""
+    bodies = {"a": square(0.0, velocity=[0.05, 0.0]), "b": square(2.0, velocity=[-0.05, 0.0])}
+    case = case_of(bodies, 12.0, h=h, contact={"by_distance": by_distance}, output={"records": 400})
+    for instant in instants(ExplicitMaterialPoints(case), case):
+        if instant.columns["b_impulse_x"] > 0.0:
+            return (1.0 - 0.1 * instant.time) / h
+    raise AssertionError("they never met")
+
+
+def test_bodies_push_when_they_touch_and_not_a_cell_before():
+    assert abs(approach(by_distance=True)) < 0.2
+    assert approach(by_distance=False) > 1.0
+
+
+def collision(threads: int = 1) -> dict:
+    import numba
+
+    bodies = {
+        "a": {"material": "soft", "shape": {"disc": {"centre": [0.0, 0.0], "radius": 1.0}}, "velocity": [0.02, 0.0]},
+        "b": {"material": "soft", "shape": {"disc": {"centre": [2.05, 0.6], "radius": 1.0}}, "velocity": [-0.02, 0.0]},
+    }
+    case = case_of(bodies, 6.0, contact={"friction": 0.3}, mpm={"placement": "rings"})
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    solver = ExplicitMaterialPoints(case)
+    list(instants(solver, case))
+    numba.set_num_threads(before)
+    return {**solver.checkpoint(), "counts": solver.contact.violations}
+
+
+def test_free_bodies_keep_their_momentum_and_contact_keeps_its_conditions():
+    state = collision()
+    x = state["body0_mass"] @ state["body0_vx"] + state["body1_mass"] @ state["body1_vx"]
+    y = state["body0_mass"] @ state["body0_vy"] + state["body1_mass"] @ state["body1_vy"]
+    assert abs(x) + abs(y) < 1e-14
+    assert state["counts"]["contact_nodes"] > 50
+    assert not any(state["counts"][f"contact_C{n}"] for n in (2, 3, 4))
+
+
+def test_one_thread_and_two_give_the_same_bits():
+    one, two = collision(1), collision(2)
+    assert all(np.array_equal(one[name], two[name]) for name in one if name != "counts")
+
+
+def test_a_run_that_goes_on_from_a_checkpoint_ends_with_the_same_bits():
+    turning = square(0.0, velocity_gradient=[[0.0, -0.3], [0.3, 0.0]])
+    case = case_of({"a": turning, "b": square(1.2, velocity=[-0.1, 0.0])}, 4.0)
+    straight, first, second = (ExplicitMaterialPoints(case) for _ in range(3))
+    whole = list(instants(straight, case))
+    for instant in instants(first, case):
+        if instant.step >= whole[-1].step // 2:
+            second.restore({name: array.copy() for name, array in first.checkpoint().items()})
+            break
+    rest = list(instants(second, case, instant))
+    assert rest[-1].step == whole[-1].step
+    end, again = straight.checkpoint(), second.checkpoint()
+    assert all(np.array_equal(end[name], again[name]) for name in end)
+
+
+def test_a_step_above_the_limit_ends_as_blown_up():
+    case = case_of({"a": square(0.0, velocity=[0.01, 0.0], velocity_gradient=[[0.1, 0.0], [0.0, 0.1]])}, 400.0,
+                   dynamics={"time_step_share": 3.0})  # fmt: skip
+    last = list(instants(ExplicitMaterialPoints(case), case))[-1]
+    assert last.status == "blew_up" and "step" in last.reason and "stability limit" in last.reason
+    assert np.isfinite(last.balance.total)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"materials": {"soft": {"young": 1.0, "poisson": 0.3}}}, "density"),
+        ({"load": {"path": [0.0]}}, "load"),
+        ({"constraints": [{"on": "left", "direction": "x", "scale": 1.0}]}, "velocity"),
+        ({"constraints": [{"on": "left", "direction": "x", "value": 0.1}]}, "jump"),
+        ({"output": {"snapshots": [0.1]}}, "output.times"),
+        ({"contact": {"pairs": [{"bodies": ["a", "c"], "friction": 0.1}]}}, "not a body"),
+        ({"bodies": {"a": square(0.0), "b": square(0.5)}}, "overlaps"),
+    ],
+)
+def test_a_slip_in_a_dynamic_case_gets_one_sentence(change, said):
+    with pytest.raises(CaseError, match=said):
+        case_of(change.pop("bodies", {"a": square(0.0)}), **change)
+
+
+def test_a_traction_moves_a_free_square_as_newton_says():
+    case = case_of({"a": square(0.0)}, 2.0, tractions=[{"on": "left", "value": [1e-3, 0.0]}])
+    last = list(instants(ExplicitMaterialPoints(case), case))[-1]
+    assert last.balance.momentum[0] == pytest.approx(1e-3 * 2.0, rel=1e-12)
+    assert last.balance.external_work == pytest.approx(last.balance.total, rel=0.02)
+
+
+def test_a_held_edge_moves_as_prescribed():
+    """Pushed at a constant velocity between plates that stay: uniaxial strain, and the reaction's work is stored."""
+    constraints = [
+        {"on": "left", "direction": "x", "value": 0.0}, {"on": "right", "direction": "x", "velocity": -1e-4},
+        {"on": "bottom", "direction": "y", "value": 0.0}, {"on": "top", "direction": "y", "value": 0.0},
+    ]  # fmt: skip
+    case = case_of({"a": square(0.0)}, 100.0, constraints=constraints)
+    solver = ExplicitMaterialPoints(case)
+    last = list(instants(solver, case))[-1]
+    assert np.median(solver.bodies[0].points.exx) == pytest.approx(-0.01, rel=0.03)
+    assert last.balance.external_work == pytest.approx(last.balance.total, rel=0.03)
