@@ -1,9 +1,12 @@
 """The fourth-order phase field in both solvers: bases, energy, material axes, layers, refusals."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
-from cases import CaseError
+from cases import CaseError, case_from_tables, load_case
+from cases.judging import merge
 from fem_reference import FiniteElements
 from fem_reference.smooth_basis import SmoothBasis
 from mpm import MaterialPoints
@@ -218,3 +221,18 @@ def test_a_checkpoint_brings_the_same_smooth_phase_field(variant):
     other.restore(one.checkpoint())
     assert other.energies() == pytest.approx(one.energies(), rel=1e-12)
     assert np.array_equal(other.phase_field, one.phase_field)
+
+
+def test_a_plate_turned_with_its_load_is_as_stiff(variant):
+    """Edges held along segments across the grid: the outline is a staircase of points."""
+    changes = {
+        "mesh": {"h": 0.03}, "tiers": {}, "materials": {"solid": {"fracture": {"toughness": 1e6, "length_scale": 0.03}}},
+        "load": {"path": [0.0, 1e-4], "increment": 1e-4, "adaptive": False, "smallest": 1e-4},
+    }  # fmt: skip
+    source = load_case("turned_specimen").source
+    tables = tomllib.loads(source.read_text(encoding="utf-8"))
+    forces = []
+    for run in ("aligned", "turned"):
+        case = case_from_tables(merge({**tables, "checks": []}, changes), run=run, name="turned", source=source)
+        forces.append(list(increments(MaterialPoints(case), case))[-1].F)
+    assert forces[1] == pytest.approx(forces[0], rel=0.03), "measured: 2.2 % with 20 cells along a side"

@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import pytest
 from synthetic_run import TITLE, write_verification
 
 from cases import load_case
-from reports import sweeps, write_report
+from reports import orientations, style, surface, sweeps, write_report
 from reports.fields import point_image
 from reports.report import SECTIONS
 from reports.results import CaseResults
@@ -183,3 +184,30 @@ def test_sweeps_are_drawn_beside_the_published_values(tmp_path: Path) -> None:
     assert (tmp_path / drawing.file).stat().st_size > 0
     assert "peak force 2 %" in drawing.caption
     assert "at most 1.4 % where h ≤ l0, and by up to 6.7 % where h > l0" in drawing.caption
+
+
+def test_critical_loads_are_drawn_over_orientation_with_their_asymmetry(tmp_path: Path) -> None:
+    loads = {-40: 101.0, 0: 90.0, 40: 100.0, 50: 110.0}
+    runs = [
+        SimpleNamespace(
+            name=f"fem_cubic[orientation={angle}]", solver="fem",
+            history=pd.DataFrame({"u": [0.0, 1.0, 2.0], "F": [0.0, load, 10.0]}),
+        )
+        for angle, load in loads.items()
+    ]  # fmt: skip
+    case = load_case("square_plate_anisotropic", "standard")
+    results: Any = SimpleNamespace(case=case, shown_runs=lambda: runs, unit=lambda quantity: "kN")
+    drawing = orientations.critical_load(results, tmp_path)
+    assert drawing is not None and (tmp_path / drawing.file).stat().st_size > 0
+    assert "opposite: 0.99 % (fem_cubic)" in drawing.caption
+    table = pd.read_csv(tmp_path / str(drawing.data))
+    assert dict(zip(table["orientation"], table["peak_force"], strict=True)) == loads
+
+
+def test_surface_energies_belong_to_cases_of_fourth_order(tmp_path: Path) -> None:
+    page: Any = SimpleNamespace(case=load_case("layered_beam", "quick"))
+    with style.drawing_style():
+        drawings = surface.surface_energy(page, tmp_path)
+    assert [drawing.name for drawing in drawings] == ["surface-energy", "surface-stiffness", "surface-profiles"]
+    assert "0.7071 at 0° to 1.157 kN/m at 45°" in drawings[0].caption
+    assert surface.surface_energy(SimpleNamespace(case=load_case("sen_tension", "quick")), tmp_path) == []
