@@ -4,12 +4,7 @@ Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input,
 """
 
 import json
-import multiprocessing
 import sys
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,11 +15,11 @@ from rich.table import Table
 from cases import Case, CaseError, case_schema, list_cases, load_case
 from verify.atomic import WriteError
 from verify.curves import CurveError
+from verify.jobs import Job, outcomes
 from verify.judge import JudgeError, accept, checks_of, find_runs
-from verify.progress import progress_view
 from verify.provenance import code_version
-from verify.run_folder import RunFolder, RunFolderError, run_path
-from verify.running import DEFAULT_OUT, DEFAULT_THREADS, InterruptedRunError, case_for_run, run, up_to_date
+from verify.run_folder import RunFolderError
+from verify.running import DEFAULT_OUT, DEFAULT_THREADS, InterruptedRunError
 from verify.summary import (
     check_name,
     check_sentence,
@@ -179,31 +174,6 @@ def schema() -> None:
 # ------------------------------------------------------------------------------------------------- compute
 
 
-@dataclass(frozen=True)
-class _Job:
-    """One run to do; plain data, so that another process can take it."""
-
-    source: Path
-    name: str
-    run: str
-    tier: str
-    out: Path
-    threads: int
-    force: bool
-    resume: bool
-
-    @property
-    def title(self) -> str:
-        return f"{self.name} {self.tier} {self.run}"
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    title: str
-    line: str
-    failed: bool
-
-
 @app.command("run")
 def run_command(
     case: OptionalCase = None,
@@ -225,13 +195,13 @@ def run_command(
     `verify run l_panel --tier paper --resume`
     """
     todo = [
-        _Job(*named, tier=tier, out=out, threads=max(1, threads // jobs), force=force, resume=resume)
+        Job(*named, tier=tier, out=out, threads=max(1, threads // jobs), force=force, resume=resume)
         for named in _named_runs(case, tier, run_names)
     ]
     for job in todo:
-        case_for_run(job.source, job.run, job.tier)  # a mistake in the last case is told before the first run
+        job.case()  # a mistake in the last case is told before the first run
     console, failed = _console(), False
-    for outcome in _outcomes(todo, jobs):
+    for outcome in outcomes(todo, jobs):
         console.print(f"{outcome.title}: {outcome.line}", markup=False, highlight=False)
         failed |= outcome.failed
     if failed:
@@ -248,61 +218,6 @@ def _named_runs(case: str | None, tier: str, run_names: list[str] | None) -> lis
     if not todo:
         raise typer.BadParameter(f"no case has a run called {', '.join(run_names or [])}", param_hint="--run")
     return todo
-
-
-def _outcomes(todo: list[_Job], jobs: int) -> Iterator[_Outcome]:
-    if jobs == 1 or len(todo) < 2:
-        yield from map(_do, todo)
-        return
-    # a fresh process for each run: the thread count of a used one is fixed, and its memory not its own
-    with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
-        for future in as_completed([pool.submit(_do, job) for job in todo]):
-            yield future.result()
-
-
-def _fresh_processes() -> multiprocessing.context.BaseContext:
-    """Where the platform can, copies of one process that has imported the solvers and computed nothing."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["verify.cli", "verify.ready"])
-    return context
-
-
-def _do(job: _Job) -> _Outcome:
-    """One run from start to end; a failure to write is a failed run, not the end of the others."""
-    folder = run_path(job.out, job.name, job.tier, job.run)
-    finished = None if job.force else up_to_date(case_for_run(job.source, job.run, job.tier), folder)
-    try:
-        with _progress(job, finished) as listener:
-            done = finished or run(
-                job.source, job.run, job.tier, job.out, listener,
-                threads=job.threads, force=job.force, resume=job.resume,
-            )  # fmt: skip
-    except WriteError as error:
-        return _Outcome(job.title, str(error), True)
-    return _outcome(job, done, finished is not None)
-
-
-@contextmanager
-def _progress(job: _Job, finished: RunFolder | None) -> Iterator[Any]:
-    if finished:
-        yield None
-        return
-    with progress_view(job.title, _console()) as view:
-        yield view
-
-
-def _outcome(job: _Job, done: RunFolder, was_up_to_date: bool) -> _Outcome:
-    info = done.info
-    state = "up to date" if was_up_to_date else f"{info['seconds'].get('total', 0.0):.1f} s"
-    if not was_up_to_date and info.get("resumed_after_step") is not None:
-        state += f", resumed after step {info['resumed_after_step']}"
-    line = f"{info['status'].replace('_', ' ')} ({state}), {done.folder}"
-    if done.good:
-        return _Outcome(job.title, line, False)
-    kept = "the last good state is saved there" if info["increments"] else "there is no good state"
-    return _Outcome(job.title, f"{line}; {info['reason']}; {kept}", True)
 
 
 # --------------------------------------------------------------------------------------------------- judge

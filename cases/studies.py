@@ -1,0 +1,167 @@
+"""Tables of a case that vary it on purpose: charts of accuracy against cost, maps of where a method fails."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from cases.errors import BrokenRuleError
+from cases.judging import Parameter, merge, nest
+from cases.table import Name, Switch, Table, Whole, require_one
+from cases.units import Number
+
+Tables = dict[str, Any]
+
+
+def _equally_many(levels: dict[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
+    counts = {key: len(values) for key, values in levels.items()}
+    if len(set(counts.values())) != 1:
+        said = ", ".join(f"{key}: {count}" for key, count in counts.items()) or "no key"
+        raise BrokenRuleError(f"has not equally many values of each key ({said})", "give as many of each")
+    return levels
+
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, int | float) else value
+
+
+#: dotted key -> values; level n takes the n-th value of every key, and the first key is the coordinate
+Levels = Annotated[
+    dict[str, Annotated[tuple[Any, ...], Field(min_length=1)]],
+    Field(min_length=1),
+    AfterValidator(_equally_many),
+]
+
+
+def level_changes(levels: dict[str, tuple[Any, ...]]) -> list[Tables]:
+    """The tables that each level lays over the case."""
+    count = len(next(iter(levels.values())))
+    changes: list[Tables] = [{} for _ in range(count)]
+    for key, values in levels.items():
+        changes = [merge(change, nest(key, value)) for change, value in zip(changes, values, strict=True)]
+    return changes
+
+
+def coordinates(levels: dict[str, tuple[Any, ...]]) -> list[Any]:
+    """What each level is called and drawn at: the first key's values, of lists the last entry."""
+    return [value[-1] if isinstance(value, list | tuple) else value for value in next(iter(levels.values()))]
+
+
+class Varied(Table):
+    """A run of the case with tables laid over it, level by level.
+
+    Attributes
+    ----------
+    run : whose case is changed
+    change : tables merged over that run's, before those of the levels
+    """
+
+    run: Name
+    change: Tables = Field(default_factory=dict)
+    levels: Levels
+
+    def varied_keys(self) -> list[str]:
+        """Dotted keys that differ from level to level."""
+        return list(self.levels)
+
+
+class Quantity(Table):
+    """A metric whose error is charted, with its parameters."""
+
+    metric: Name
+    parameters: dict[str, Parameter] = Field(default_factory=dict)
+
+
+class Ladder(Varied):
+    """Runs that differ by their levels, the cheapest first."""
+
+
+class Finest(Varied):
+    """Runs finer than every contestant, in order of refinement; the limit is extrapolated from them.
+
+    order : of convergence in the levels' first key; fitted to the last three levels where it is left out
+    """
+
+    order: Annotated[Number, Field(gt=0)] | None = None
+
+    @model_validator(mode="after")
+    def _can_be_extrapolated(self) -> Finest:
+        needed = 2 if self.order else 3
+        if len(coordinates(self.levels)) < needed:
+            raise BrokenRuleError(
+                "has too few levels to extrapolate", f"give {needed} or more, or state the order", "levels"
+            )
+        return self
+
+
+class Chart(Table):
+    """Error in checked quantities against cost.
+
+    Attributes
+    ----------
+    reference : what the errors are measured from; left out where the case has an exact solution
+    targets : errors for which the chart says what to choose
+    """
+
+    title: str = ""
+    quantities: Annotated[tuple[Quantity, ...], Field(min_length=1)]
+    reference: Finest | None = None
+    ladders: Annotated[dict[Name, Ladder], Field(min_length=1)]
+    targets: Annotated[tuple[Annotated[Number, Field(gt=0)], ...], Field(min_length=1)] = (0.05, 0.01, 0.002)
+
+
+class Judged(Table):
+    """What decides whether a cell of a map is accurate.
+
+    Attributes
+    ----------
+    against : as in a check
+    within : errors allowed, the smallest first; a single number stands for itself
+    """
+
+    metric: Name
+    against: str
+    measure: Literal["relative", "absolute"] = "relative"
+    within: Annotated[tuple[Annotated[Number, Field(gt=0)], ...], BeforeValidator(_as_list), Field(min_length=1)]
+    parameters: dict[str, Parameter] = Field(default_factory=dict)
+
+
+class Map(Table):
+    """A verdict for every pair of two levels, and where it changes.
+
+    Attributes
+    ----------
+    run, change : what is run in every cell; or
+    probe : name of a measurement that needs no run, with the levels' keys as its parameters
+    judged : accuracy asked of a run that ends well
+    drift : share of the work that may become no energy before a cell counts as "energy drift"
+    border : name of the theory whose border is drawn
+    bisections : of x between neighbours with different verdicts
+    timeout : seconds after which a cell is given up
+    """
+
+    title: str = ""
+    run: Name | None = None
+    probe: Name | None = None
+    change: Tables = Field(default_factory=dict)
+    x: Levels
+    y: Levels
+    judged: Judged | None = None
+    drift: Annotated[Number, Field(gt=0)] | None = None
+    border: Name | None = None
+    bisections: Annotated[Whole, Field(ge=0, le=20)] = 0
+    timeout: Annotated[Number, Field(gt=0)] = 120.0
+    logarithmic: Switch = True
+
+    @model_validator(mode="after")
+    def _measures_one_thing(self) -> Map:
+        require_one(self, "way to measure", ("run", "probe"))
+        return self
+
+    def varied_keys(self) -> list[str]:
+        """Dotted keys that differ from cell to cell."""
+        return [*self.x, *self.y]
+
+
+__all__ = ["Chart", "Finest", "Judged", "Ladder", "Levels", "Map", "Quantity", "Varied", "coordinates", "level_changes"]
