@@ -268,6 +268,7 @@ class CaseDescription(Table):
 
     def _studies_vary_runs(self) -> None:
         for name, chart in self.charts.items():
+            _only_known(chart.change, changeable_tables(), f"charts.{name}.change", "may not be varied")
             varied: dict[str, Varied] = {f"ladders.{key}": ladder for key, ladder in chart.ladders.items()}
             varied |= {"reference": chart.reference} if chart.reference else {}
             for key, table in varied.items():

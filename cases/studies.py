@@ -48,6 +48,18 @@ def coordinates(levels: dict[str, tuple[Any, ...]]) -> list[Any]:
     return [value[-1] if isinstance(value, list | tuple) else value for value in next(iter(levels.values()))]
 
 
+def _coordinate(levels: dict[str, tuple[Any, ...]]) -> tuple[str, list[Any]]:
+    return next(iter(levels)), coordinates(levels)
+
+
+def _three_numbers(levels: dict[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
+    at = coordinates(levels)
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) and value > 0 for value in at)
+    if not numbers or len(set(at)) < 3:
+        raise BrokenRuleError("cannot be extrapolated", "give three or more different positive numbers")
+    return levels
+
+
 class Varied(Table):
     """A run of the case with tables laid over it, level by level.
 
@@ -67,9 +79,13 @@ class Varied(Table):
 
 
 class Quantity(Table):
-    """A metric whose error is charted, with its parameters."""
+    """A metric whose error is charted, with its parameters.
+
+    value : what it is exactly; left out, the chart's reference or the case's exact solution tells
+    """
 
     metric: Name
+    value: Number | None = None
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 
 
@@ -78,21 +94,13 @@ class Ladder(Varied):
 
 
 class Finest(Varied):
-    """Runs finer than every contestant, in order of refinement; the limit is extrapolated from them.
+    """Runs of which the last is finer than every contestant, in order of refinement; the limit is extrapolated.
 
-    order : of convergence in the levels' first key; fitted to the last three levels where it is left out
+    order : of convergence in the levels' first key; one where a crack is as wide as an element
     """
 
-    order: Annotated[Number, Field(gt=0)] | None = None
-
-    @model_validator(mode="after")
-    def _can_be_extrapolated(self) -> Finest:
-        needed = 2 if self.order else 3
-        if len(coordinates(self.levels)) < needed:
-            raise BrokenRuleError(
-                "has too few levels to extrapolate", f"give {needed} or more, or state the order", "levels"
-            )
-        return self
+    levels: Annotated[Levels, AfterValidator(_three_numbers)]
+    order: Annotated[Number, Field(gt=0)] = 1.0
 
 
 class Chart(Table):
@@ -100,15 +108,31 @@ class Chart(Table):
 
     Attributes
     ----------
+    change : tables merged over those of every run of the chart
     reference : what the errors are measured from; left out where the case has an exact solution
     targets : errors for which the chart says what to choose
     """
 
     title: str = ""
+    change: Tables = Field(default_factory=dict)
     quantities: Annotated[tuple[Quantity, ...], Field(min_length=1)]
     reference: Finest | None = None
     ladders: Annotated[dict[Name, Ladder], Field(min_length=1)]
     targets: Annotated[tuple[Annotated[Number, Field(gt=0)], ...], Field(min_length=1)] = (0.05, 0.01, 0.002)
+
+    @model_validator(mode="after")
+    def _reference_is_finest(self) -> Chart:
+        if self.reference is None:
+            return self
+        key, values = _coordinate(self.reference.levels)
+        for name, ladder in self.ladders.items():
+            other, contestants = _coordinate(ladder.levels)
+            direction = values[0] > values[-1]
+            if other == key and any((values[-1] < value) != direction for value in contestants):
+                raise BrokenRuleError(
+                    f"is not finer than every level of '{name}'", "refine it further", f"reference.levels.{key}"
+                )
+        return self
 
 
 class Judged(Table):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from . import curves, fields, scene, style, sweeps, tables, words
+from . import charts, curves, fields, scene, style, sweeps, tables, words
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Hydrostatic stress", fields.hydrostatic_stress),
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
+    ("Accuracy against cost", charts.accuracy_against_cost),
 )
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
+import pandas as pd
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -20,6 +21,7 @@ from verify.judge import JudgeError, accept, checks_of, find_runs
 from verify.provenance import code_version
 from verify.run_folder import RunFolderError
 from verify.running import DEFAULT_OUT, DEFAULT_THREADS, InterruptedRunError
+from verify.studies import StudyError
 from verify.summary import (
     check_name,
     check_sentence,
@@ -31,7 +33,7 @@ from verify.summary import (
 )
 
 OUT_OF_TOLERANCE, RUN_FAILED, BAD_INPUT, NOTHING_CHECKED = 1, 2, 3, 4
-USER_ERRORS = (CaseError, CurveError, JudgeError, RunFolderError)
+USER_ERRORS = (CaseError, CurveError, JudgeError, RunFolderError, StudyError)
 COLOURS = {"PASS": "green", "FAIL": "red", "RUN_FAILED": "red", "MISSING": "yellow", "NOT_CHECKED": "yellow"}
 EXIT_CODE_HELP = (
     "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked."
@@ -305,6 +307,42 @@ def accept_command(
     for row in rows:
         table.add_row(row.run, row.metric, f"{row.value:.8g}", row.unit)
     _console().print(table)
+
+
+# -------------------------------------------------------------------------------------------------- studies
+
+
+@app.command()
+def chart(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    names: Annotated[list[str] | None, typer.Option("--chart", help="only this chart; may be repeated")] = None,
+    repeats: Annotated[int, typer.Option("--repeats", min=1, help="runs of each level; the least time counts")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+) -> None:
+    """Chart accuracy against cost: run the ladders of a case's charts, tabulate and draw error over time and work.
+
+    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts.
+
+    Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3`
+    """
+    from reports import draw_chart, drawing_style
+    from verify.charts import choice_sentence, make_charts
+    from verify.studies import Options
+
+    console, loaded = _console(), load_case(case, tier)
+
+    def tell(line: str) -> None:
+        console.print(line, markup=False, highlight=False)
+
+    for file in make_charts(loaded, Options(out, jobs, threads), names or [], repeats, tell):
+        with drawing_style():
+            drawing = draw_chart(file, file.parent, loaded.charts[file.stem].title)
+        for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
+            tell(choice_sentence(choice))
+        tell(f"Chart: {file}, {file.parent / drawing.file}")
 
 
 # ---------------------------------------------------------------------------------------------------- main
