@@ -12,6 +12,8 @@ from cases.table import Name, Switch, Table, Whole, require_one
 from cases.units import Number
 
 Tables = dict[str, Any]
+#: levels of a map that are not keys of the case: the run itself, and a displacement that a run must reach
+RUN, REACHED = "run", "history.u"
 
 
 def _equally_many(levels: dict[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
@@ -140,7 +142,7 @@ class Judged(Table):
 
     Attributes
     ----------
-    against : as in a check
+    against : as in a check, or "run" for the map's reference
     within : errors allowed, the smallest first; a single number stands for itself
     """
 
@@ -159,8 +161,9 @@ class Map(Table):
     run, change : what is run in every cell; or
     probe : name of a measurement that needs no run, with the levels' keys as its parameters
     judged : accuracy asked of a run that ends well
+    reference : tables laid over the map's own; judged.against = "run" then means the run that they give
     drift : share of the work that may become no energy before a cell counts as "energy drift"
-    border : name of the theory whose border is drawn
+    borders : names of the theories whose borders are drawn
     bisections : of x between neighbours with different verdicts
     timeout : seconds after which a cell is given up
     """
@@ -173,7 +176,8 @@ class Map(Table):
     y: Levels
     judged: Judged | None = None
     drift: Annotated[Number, Field(gt=0)] | None = None
-    border: Name | None = None
+    reference: Tables | None = None
+    borders: tuple[Name, ...] = ()
     bisections: Annotated[Whole, Field(ge=0, le=20)] = 0
     timeout: Annotated[Number, Field(gt=0)] = 120.0
     logarithmic: Switch = True
@@ -181,11 +185,13 @@ class Map(Table):
     @model_validator(mode="after")
     def _measures_one_thing(self) -> Map:
         require_one(self, "way to measure", ("run", "probe"))
+        if (self.reference is not None) != (self.judged is not None and self.judged.against == "run"):
+            raise BrokenRuleError("needs judged.against = 'run', and that a reference", "give both or none", "reference")
         return self
 
     def varied_keys(self) -> list[str]:
         """Dotted keys that differ from cell to cell."""
-        return [*self.x, *self.y]
+        return [key for key in (*self.x, *self.y) if key not in (RUN, REACHED)]
 
 
 __all__ = ["Chart", "Finest", "Judged", "Ladder", "Levels", "Map", "Quantity", "Varied", "coordinates", "level_changes"]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from . import charts, curves, fields, scene, style, sweeps, tables, words
+from . import charts, curves, fields, maps, scene, style, sweeps, tables, words
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
     ("Accuracy against cost", charts.accuracy_against_cost),
+    ("Where it fails", maps.where_it_fails),
 )
 
 

@@ -282,7 +282,7 @@ class ChartStudy:
     def _exact(self, quantity: Quantity, run: RunFolder, level: Variation) -> float:
         if self.chart.reference is not None:
             raise ValueError(f"charts.{self.name}.reference: a run of it did not end well")
-        check = check_of(self.case, quantity.metric, level.run, "exact", parameters=quantity.parameters)
+        check = check_of(quantity.metric, level.run, "exact", parameters=quantity.parameters)
         if quantity.metric in PAIR_METRICS:
             return value_of(check, self.case, lambda _: run)
         exact = target_of(check, self.case, lambda _: run)

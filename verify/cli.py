@@ -345,6 +345,37 @@ def chart(
         tell(f"Chart: {file}, {file.parent / drawing.file}")
 
 
+@app.command()
+def stability(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    names: Annotated[list[str] | None, typer.Option("--map", help="only this map; may be repeated")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+) -> None:
+    """Map where a method fails: a verdict for every pair of two levels, the border between them bisected.
+
+    Finished runs are used again, failed ones too. Tables and figures go to OUT/maps.
+
+    Examples: `verify stability sen_tension --tier quick` · `verify stability surfing --map toughness --jobs 2`
+    """
+    from reports import draw_map, drawing_style
+    from verify.stability import make_maps
+    from verify.studies import Options
+
+    console, loaded = _console(), load_case(case, tier)
+
+    def tell(line: str) -> None:
+        console.print(line, markup=False, highlight=False)
+
+    for file in make_maps(loaded, Options(out, jobs, threads), names or [], tell):
+        with drawing_style():
+            drawing = draw_map(file, file.parent, loaded.maps[file.stem])
+        tell(drawing.caption)
+        tell(f"Map: {file}, {file.parent / drawing.file}")
+
+
 # ---------------------------------------------------------------------------------------------------- main
 
 

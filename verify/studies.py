@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cases import Case, Check, load_case
+from cases import Case, Check
 from cases.judging import merge
 from cases.studies import Levels, coordinates, level_changes
 from verify.curves import CurveError
@@ -101,11 +101,6 @@ def processor_seconds(run: RunFolder) -> float:
     return float(run.info["seconds"]["processor"])
 
 
-def check_of(case: Case, metric: str, run: str, against: str, **more: Any) -> Check:
+def check_of(metric: str, run: str, against: str, **more: Any) -> Check:
     """A check as a case file would have it, for the functions that evaluate checks."""
     return Check(metric=metric, run=run, against=against, limit=0.0, reason="a study", **more)
-
-
-def varied_case(job: Job) -> Case:
-    """The case of a job."""
-    return load_case(job.source, job.tier, job.run, job.change)
