@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import NullFormatter
 
 from verify.charts import choice_sentence
 
@@ -46,6 +47,7 @@ def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
         row[0].set_ylabel(f"error in\n{str(quantity).replace('_', ' ')}")
     for axis, words in zip(axes[-1], COSTS.values(), strict=True):
         axis.set_xlabel(words)
+        axis.xaxis.set_minor_formatter(NullFormatter())
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
     name = f"chart-{style.slug(file.stem)}"

@@ -91,7 +91,7 @@ def _draw_borders(
     """Bisected cells as dots between the columns, and the theory's border as a black line through the rows."""
     for _, cell in table[table["bisected"]].iterrows():
         axis.plot(
-            _place(cell["x"], columns), rows.index(cell["y"]), "o", markersize=4,
+            _place(cell["x"], columns), rows.index(cell["y"]) - 0.3, "o", markersize=4,
             color=colours[cell["verdict"]], markeredgecolor=style.INK, markeredgewidth=0.5,
         )  # fmt: skip
     label: str | None = "border of the theory"

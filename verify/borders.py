@@ -18,11 +18,11 @@ class Border:
     """A theory of where a method begins to fail.
 
     position : (case of the row, map, decided cells of the row) -> x; not a number where the theory says nothing
-    inside : (verdict, map) -> whether such a cell lies on the good side of this border
+    inside : (verdict, map) -> whether such a cell lies on the good side of this border; None where it lies at neither
     """
 
     position: Callable[[Case, Map, pd.DataFrame], float]
-    inside: Callable[[str, Map], bool]
+    inside: Callable[[str, Map], bool | None]
 
 
 def toughness_of_the_mesh(case: Case, chosen: Map, row: pd.DataFrame) -> float:
@@ -69,8 +69,10 @@ def accuracy(error: float, limits: tuple[float, ...]) -> str:
     return f"within {100 * min(kept):g} %" if kept else f"beyond {100 * max(limits):g} %"
 
 
-def _accurate(verdict: str, chosen: Map) -> bool:
-    return chosen.judged is not None and verdict == accuracy(0.0, chosen.judged.within)
+def _accurate(verdict: str, chosen: Map) -> bool | None:
+    if chosen.judged is None or not verdict.startswith(("within", "beyond")):
+        return None
+    return verdict == accuracy(0.0, chosen.judged.within)
 
 
 BORDERS: dict[str, Border] = {

@@ -398,4 +398,18 @@ def choice_sentence(choice: pd.Series) -> str:
     return f"{told}."
 
 
-__all__ = ["ChartStudy", "chart_folder", "choice_sentence", "choices", "extrapolated", "make_charts", "slopes"]
+def recorded_choices(case: Case, out: Path, target: float) -> list[str]:
+    """What the charts of a case that have been made say of a target error."""
+    said = []
+    for name in case.charts:
+        file = chart_folder(out, case) / f"{name}-choices.csv"
+        if file.is_file():
+            table = pd.read_csv(file)
+            said += [choice_sentence(row) for _, row in table[np.isclose(table["target"], target)].iterrows()]
+    return said
+
+
+__all__ = [
+    "ChartStudy", "chart_folder", "choice_sentence", "choices", "extrapolated", "make_charts", "recorded_choices",
+    "slopes",
+]  # fmt: skip

@@ -1,10 +1,12 @@
-"""The command line: list, validate, plan, run, compare, report, accept, schema.
+"""The command line: list, validate, plan, run, compare, report, accept, schema, chart, stability, price, calibrate.
 
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked.
 """
 
 import json
+import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,6 +59,9 @@ OptionalCase = Annotated[
 ]
 TierOption = Annotated[str, typer.Option("--tier", help="resolution: quick, standard or paper")]
 OutOption = Annotated[Path, typer.Option("--out", help="folder of all results")]
+AccuracyOption = Annotated[
+    str | None, typer.Option("--accuracy", help="error allowed in each checked quantity, such as 1%")
+]
 RunOption = Annotated[list[str] | None, typer.Option("--run", help="only this run; may be repeated")]
 
 
@@ -127,19 +132,45 @@ def validate(case: OptionalCase = None) -> None:
 
 
 @app.command()
-def plan(case: CaseArgument, tier: TierOption = "standard", run_names: RunOption = None) -> None:
+def plan(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    run_names: RunOption = None,
+    accuracy: AccuracyOption = None,
+    out: OutOption = DEFAULT_OUT,
+) -> None:
     """Print what will be modelled and what it will cost, without running it.
 
-    Examples: `verify plan sen_tension --tier paper` · `verify plan sen_shear --run mpm`
+    With an accuracy, savings whose recorded price is above their share of it are switched off, as
+    `verify run --accuracy` does; what the case's charts say of it is repeated.
+
+    Examples: `verify plan sen_tension --tier paper` · `verify plan sen_tension --tier quick --accuracy 1%`
     """
+    from verify.charts import recorded_choices
     from verify.plan import RULE
     from verify.plan import plan as make_plan
 
-    base = load_case(case, tier)
+    base, share = load_case(case, tier), _share(accuracy)
     console = _console()
     for name in _selected_runs(base, run_names):
-        console.print(_plan_table(make_plan(load_case(case, tier, name), name)))
+        console.print(_plan_table(make_plan(load_case(case, tier, name), name, share)))
     console.print(f"Seconds are a rough estimate: {RULE}.", highlight=False)
+    for sentence in recorded_choices(base, out, share) if share else ():
+        console.print(f"Measured by `verify chart`: {sentence}", highlight=False)
+
+
+def _share(accuracy: str | None) -> float | None:
+    """0.01 for "1%" and for "0.01"."""
+    if accuracy is None:
+        return None
+    text = accuracy.strip()
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise typer.BadParameter(f"{accuracy!r} is no share; give for instance 1% or 0.01", param_hint="--accuracy")
+    return value
 
 
 def _plan_table(planned: Any) -> Table:
@@ -148,19 +179,23 @@ def _plan_table(planned: Any) -> Table:
     )
     increments = f"{planned.increments}" + (" or more, adaptive" if planned.adaptive else ", constant")
     rows = {
+        "regime": planned.regime,
+        "bodies": planned.bodies,
         "solver": f"{planned.solver}: {planned.basis}",
         "notch": planned.notches,
         "cells": f"{planned.cells}",
         "points": f"{planned.points}",
         "unknowns": f"{planned.unknowns_displacement} of u, {planned.unknowns_phase_field} of c",
-        "increments": f"{increments}, about {planned.iterations} staggered iterations each",
+        "increments": f"{increments}, about {planned.iterations} Newton iterations in all",
         "memory": f"about {planned.memory_mb:.0f} MB",
         "time": f"about {planned.seconds:.0f} s",
     }
     for what, value in rows.items():
         table.add_row(what, value)
     for saving in planned.savings:
-        table.add_row(saving.name, f"{'on' if saving.used else 'off'}: {saving.effect}")
+        table.add_row(saving.name, f"{'on' if saving.used else 'off'}: {saving.reason}")
+    for note in planned.notes:
+        table.add_row("note", note)
     return table
 
 
@@ -190,18 +225,23 @@ def run_command(
         int, typer.Option("--threads", min=1, help="threads of all jobs together")
     ] = DEFAULT_THREADS,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    accuracy: AccuracyOption = None,
 ) -> None:
     """Compute the runs of a case, or of all cases, that are not up to date. Judges nothing.
 
     Examples: `verify run sen_tension` · `verify run sen_shear --run mpm --tier quick` · `verify run --jobs 2` ·
-    `verify run l_panel --tier paper --resume`
+    `verify run l_panel --tier paper --resume` · `verify run sen_tension --accuracy 1%`
     """
+    from verify.plan import plan as make_plan
+
     todo = [
         Job(*named, tier=tier, out=out, threads=max(1, threads // jobs), force=force, resume=resume)
         for named in _named_runs(case, tier, run_names)
     ]
     for job in todo:
         job.case()  # a mistake in the last case is told before the first run
+    if accuracy is not None:
+        todo = [replace(job, change=make_plan(job.case(), job.run, _share(accuracy)).change) for job in todo]
     console, failed = _console(), False
     for outcome in outcomes(todo, jobs):
         console.print(f"{outcome.title}: {outcome.line}", markup=False, highlight=False)
@@ -374,6 +414,79 @@ def stability(
             drawing = draw_map(file, file.parent, loaded.maps[file.stem])
         tell(drawing.caption)
         tell(f"Map: {file}, {file.parent / drawing.file}")
+
+
+@app.command("price")
+def price_command(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    run_names: RunOption = None,
+    record: Annotated[bool, typer.Option("--record", help="keep the prices beside the case's baseline")] = False,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+) -> None:
+    """Price every saving: run a case with each of them off in turn and with all off.
+
+    Tabulates processor time spared against the change in each checked quantity. Recorded prices are read by
+    `verify plan` and `verify run` with `--accuracy`.
+
+    Examples: `verify price sen_tension --tier quick` · `verify price sen_tension --run fem --record`
+    """
+    from verify.prices import price
+    from verify.studies import Options
+
+    console, loaded = _console(), load_case(case, tier)
+
+    def tell(line: str) -> None:
+        console.print(line, markup=False, highlight=False)
+
+    file = price(loaded, Options(out, jobs, threads), run_names or [], tell, record)
+    console.print(_price_table(pd.read_csv(file)))
+    tell(f"Prices: {file}")
+
+
+def _price_table(prices: pd.DataFrame) -> Table:
+    table = Table("run", "without", "times the time", "times the work", "quantity", "with", "without it", "change")
+    for _, row in prices.iterrows():
+        time, work = row["seconds_without"] / row["seconds_with"], row["work_without"] / row["work_with"]
+        values = (f"{row['with']:.6g}", f"{row['without']:.6g}", f"{100 * row['change']:.2g} %")
+        failed = ("", "", str(row["status"]))
+        known = isinstance(row["quantity"], str)
+        shown = (row["quantity"], *values) if known else ("", *failed)
+        table.add_row(row["run"], row["saving"], f"{time:.3g}", f"{work:.3g}", *shown)
+    return table
+
+
+@app.command()
+def calibrate(
+    out: OutOption = DEFAULT_OUT,
+    write: Annotated[bool, typer.Option("--write", help="keep the constants in verify/costs.toml")] = False,
+) -> None:
+    """Fit the constants of predicted costs to all finished runs of a folder, and tell how far predictions are off.
+
+    Run on an idle machine for seconds that hold elsewhere; processor time is what is fitted.
+
+    Examples: `verify calibrate` · `verify calibrate --out reports/out --write`
+    """
+    from verify import calibration
+
+    table = calibration.measured_runs(out)
+    if table["case"].nunique() < 2:
+        raise RunFolderError(f"{out / 'runs'}: holds no finished runs of two cases or more; do them with `verify run`.")
+    fitted = calibration.fit(table)
+    judged = {"fitted": calibration.predicted(table, fitted), "left out": calibration.left_out(table)}
+    shown = Table("predicted over measured", "median", "least", "most", "within a factor of 2", "with its case left out")
+    for name in calibration.QUANTITIES:
+        ratios = judged["fitted"][name]
+        shares = [f"{100 * calibration.within_factor(part[name]):.0f} %" for part in judged.values()]
+        shown.add_row(name, *(f"{value:.2f}" for value in (ratios.median(), ratios.min(), ratios.max())), *shares)
+    console = _console()
+    console.print(shown)
+    console.print(f"{len(table)} runs of {table['case'].nunique()} cases", highlight=False)
+    if write:
+        calibration.write_constants(fitted)
+        console.print(f"Written: {calibration.COSTS_FILE}", highlight=False)
 
 
 # ---------------------------------------------------------------------------------------------------- main

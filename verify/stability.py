@@ -283,8 +283,8 @@ class MapStudy:
                     yield y, row.iloc[number], row.iloc[number + 1]
 
     def _between(self, table: pd.DataFrame) -> list[Cell]:
-        """Cells halfway between neighbours of different verdicts; none where x cannot be divided."""
-        if len(self.map.x) > 1 or len(table) == 0:
+        """Cells halfway between neighbours of different verdicts; none where x cannot be divided or is read off a run."""
+        if len(self.map.x) > 1 or REACHED in self.map.x:
             return []
         key, rows = next(iter(self.map.x)), dict(zip(coordinates(self.map.y), level_changes(self.map.y), strict=True))
         whole = all(isinstance(value, int) for value in self.map.x[key])
@@ -318,7 +318,8 @@ class MapStudy:
         job = next((job for job in jobs if job is not None), None)
         for name in self.map.borders:
             border = BORDERS[name]
-            if border.inside(below, self.map) != border.inside(above, self.map):
+            sides = border.inside(below, self.map), border.inside(above, self.map)
+            if None not in sides and sides[0] != sides[1]:
                 case = job.case() if job else self.case
                 return name, border.position(case, self.map, table[table["y"] == y])
         return "", math.nan

@@ -8,11 +8,12 @@ from typing import Any
 from cases import Case, Check
 from cases.judging import merge
 from cases.studies import Levels, coordinates, level_changes
+from verify.calibration import cost_of
 from verify.curves import CurveError
 from verify.jobs import Job, Outcome, outcomes
 from verify.metrics import MetricError
-from verify.plan import plan
 from verify.run_folder import RunFolder, RunFolderError
+from verify.size import size_of
 
 #: a study that will take longer says so before it starts [s]
 LONG = 600.0
@@ -65,8 +66,9 @@ def text_of(value: Any) -> str:
 
 
 def forecast(todo: Iterable[Job], jobs: int) -> float:
-    """Seconds that the jobs will take, by their plans; what is finished takes none."""
-    return sum(plan(job.case(), job.run).seconds for job in todo if job.finished() is None) / jobs
+    """Seconds that the jobs will take, as they are planned; what is finished takes none."""
+    cases = [(job.case(), job.run) for job in todo if job.finished() is None]
+    return sum(cost_of(case, size_of(case, run)).seconds for case, run in cases) / jobs
 
 
 def announce(seconds: float, what: str) -> str:

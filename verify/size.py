@@ -1,0 +1,79 @@
+"""Sizes of a run before it is run: cells, points, unknowns, increments."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cases import Case
+from cases.spacing import grid_lines
+
+
+@dataclass(frozen=True)
+class Size:
+    """Predicted sizes of one run; ``unknowns`` are those of the displacement."""
+
+    solver: str
+    cells: int
+    points: int
+    unknowns: int
+    unknowns_phase_field: int
+    increments: int
+
+
+def size_of(case: Case, run_name: str) -> Size:
+    """The sizes of one run; ``case`` must be loaded with that run's changes merged in."""
+    solver = case.run_spec(run_name).solver
+    x_lines, y_lines = grid_lines(case)
+    filled = filled_cells(case, x_lines, y_lines)
+    triangles = has_triangles(case, solver)
+    cells = int(filled.sum()) * (2 if triangles else 1)
+    functions = int(_active_functions(filled, case.mpm.order if solver == "mpm" else 1).sum())
+    phase_field = functions if case.fracture_enabled else 0
+    points = cells * _points_per_cell(case, solver, triangles)
+    return Size(solver, cells, points, 2 * functions, phase_field, _increments(case))
+
+
+def has_triangles(case: Case, solver: str) -> bool:
+    """The finite elements are triangles."""
+    return solver == "fem" and case.mesh.element == "triangle"
+
+
+def filled_cells(case: Case, x_lines: np.ndarray, y_lines: np.ndarray) -> np.ndarray:
+    """(n_x, n_y) bool: cells whose centre is in a body and not in a notch of left-out cells."""
+    x, y = (0.5 * (lines[1:] + lines[:-1]) for lines in (x_lines, y_lines))
+    centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    filled = np.asarray(case.inside(centres)) >= 0
+    for notch in case.notches:
+        if notch.kind == "cells":
+            filled &= ~_within(centres, np.asarray(notch.start), np.asarray(notch.end), notch.width)
+    return filled.reshape(len(x), len(y))
+
+
+def _within(points: np.ndarray, start: np.ndarray, end: np.ndarray, width: float) -> np.ndarray:
+    """Points of the rectangle of ``width`` along the segment from ``start`` to ``end``."""
+    length = float(np.linalg.norm(end - start))
+    along_direction = (end - start) / length
+    offset = points - start
+    along = offset @ along_direction
+    across = offset @ np.array([-along_direction[1], along_direction[0]])
+    return (along > 0) & (along < length) & (np.abs(across) < 0.5 * width)
+
+
+def _active_functions(filled: np.ndarray, order: int) -> np.ndarray:
+    """B-splines of ``order`` that a filled cell carries: cell (i, j) carries i..i+order, j..j+order."""
+    active = np.zeros((filled.shape[0] + order, filled.shape[1] + order), dtype=bool)
+    for i in range(order + 1):
+        for j in range(order + 1):
+            active[i : i + filled.shape[0], j : j + filled.shape[1]] |= filled
+    return active
+
+
+def _points_per_cell(case: Case, solver: str, triangles: bool) -> int:
+    if solver == "mpm":
+        return int(case.mpm.points_per_cell) ** 2
+    return 3 if triangles else 4
+
+
+def _increments(case: Case) -> int:
+    path = float(np.abs(np.diff(case.load.path)).sum())
+    return 1 + int(np.ceil(path / case.load.increment - 1e-9))
