@@ -78,7 +78,11 @@ class Load(Table):
     path : values that u runs through, starting at the first [length]
     increment : first and largest increment of u [length]; may be left out for a path of one point
     smallest : smallest increment [length]; increment/64 if left out
+    prologue : share of the way to the path's first target that the first increment takes at once, staggered to
+        convergence, because nothing breaks there
     adaptive : False for constant increments
+    control : what an increment prescribes where the crack would advance further than `largest_advance`: the load still,
+        shortened, or the fracture energy of that advance, so that a path on which the load falls back is followed
     largest_advance : of the crack in one increment, in multiples of l0; beyond it the increment is undone and
         shortened, down to `smallest`
     stop_when_broken : end when |F| falls under `broken_fraction` of its peak
@@ -89,7 +93,9 @@ class Load(Table):
     smallest: Annotated[Length, Field(gt=0)] = Field(
         default_factory=lambda data: data.get("increment", 1.0) / SMALLEST_SHARE
     )
+    prologue: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     adaptive: Switch = True
+    control: Literal["displacement", "dissipation"] = "displacement"
     largest_advance: Annotated[Number, Field(gt=0)] = 4.0
     stop_when_broken: Switch = True
     broken_fraction: Annotated[Number, Field(gt=0, lt=1)] = 0.02
@@ -106,6 +112,9 @@ class Load(Table):
         for before, after in pairwise(self.path):
             if before == after:
                 raise BrokenRuleError("stands still", "remove the repeated value", "path", list(self.path))
+        if self.control == "dissipation" and (len(self.path) > 2 or not self.adaptive):
+            remedy = "give a path of two values and adaptive increments"
+            raise BrokenRuleError("follows one way of loading only", remedy, "control", self.control)
         return self
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from cases import Case
 
 from .linear_solvers import LinearSolverError
+from .path_following import dissipation_step
 from .staggered import Discretisation, NewtonError, StepOutcome, staggered_step
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
@@ -22,6 +23,8 @@ SHRINKING = 0.25
 #: while nothing is broken, the phase field falls ever faster towards a limit load: an increment in which it fell by
 #: more than this halves the next one
 LARGEST_FALL = 0.05
+#: why an increment is undone although it was solved
+TOO_FAR = "crack advances too far"
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
 
@@ -31,8 +34,8 @@ class Increment:
     """One accepted increment: the discretisation holds its state while the increment is being listened to.
 
     ``u`` is the load parameter, ``F`` the force conjugate to it; ``share`` is the part of the load path done.
-    ``leg``, ``next_size`` and ``peak`` are what the march needs to go on from here: the number of the path's target,
-    the size of the next increment and the largest force so far.
+    ``leg``, ``next_size``, ``peak`` and ``controlled`` are what the march needs to go on from here: the number of the
+    path's target, the size of the next increment, the largest force so far, whether the fracture energy leads.
     """
 
     step: int
@@ -51,6 +54,7 @@ class Increment:
     leg: int = 0
     next_size: float = 0.0
     peak: float = 0.0
+    controlled: bool = False
 
     @property
     def is_last(self) -> bool:
@@ -92,6 +96,9 @@ class _LoadPath:
         #: fracture energy of the largest advance allowed in one increment
         self.energy_limit = case.load.largest_advance * case.plane.thickness * min(advances, default=np.inf)
         self.adaptive = case.load.adaptive and case.staggered.scheme == "converged"
+        self.dissipative = self.adaptive and case.load.control == "dissipation"
+        #: the fracture energy leads, not the load
+        self.controlled = False
         self.leg = 0
         if after is not None:
             self._go_on(after)
@@ -99,7 +106,7 @@ class _LoadPath:
     def _go_on(self, after: Increment) -> None:
         self.last, self.load, self.increment, self.leg = after, after.u, after.next_size, after.leg
         self.done, self.step = after.share * self.length, after.step + 1
-        self.work, self.peak = after.external_work, after.peak
+        self.work, self.peak, self.controlled = after.external_work, after.peak, after.controlled
         self.started -= after.seconds
         self.newton_before = self.discretisation.costs.count["newton"]
 
@@ -126,7 +133,11 @@ class _LoadPath:
 
     def _advance(self, target: float) -> Increment:
         """One accepted increment towards the target, or the report that there is none."""
+        if self.controlled:
+            return self._advance_by_dissipation(target)
         direction = np.sign(target - self.load)
+        if self.step == 1 and self.case.load.prologue:
+            return self._prologue(target)
         while True:
             size = min(self.increment, abs(target - self.load))
             # do not leave a sliver before the target
@@ -137,28 +148,56 @@ class _LoadPath:
             if not problem:
                 return self._grow_and_accept(load, outcome)
             self.discretisation.undo()
+            if self.dissipative and problem == TOO_FAR:
+                return self._advance_by_dissipation(target)
             if smallest or not self.case.load.adaptive:
                 return self._report_failure(problem)
             self.increment = max(SHRINKING * size, self.case.load.smallest)
             self.discretisation.costs.count["undone_increments"] += 1
 
+    def _advance_by_dissipation(self, target: float) -> Increment:
+        """An increment of the fracture energy, whatever the load does; the load leads again once it rises freely."""
+        start = self.load
+        try:
+            outcome, load = dissipation_step(self.discretisation, self.case, start, self.energy_limit)
+        except (NewtonError, LinearSolverError) as error:
+            outcome, load = StepOutcome("stalled", self.discretisation.history_field, 0, str(error)), start
+        self.discretisation.costs.count["dissipation_increments"] += 1
+        rise = (load - start) * np.sign(target - start)
+        self.controlled = rise < self.increment
+        if outcome.reason or rise > abs(target - start):
+            self.discretisation.undo()
+            return self._report_failure(outcome.reason) if outcome.reason else self._advance(target)
+        self.done = max(self.done, abs(load - self.case.load.path[0]))
+        broken = self._broken(self.discretisation.reaction_force())
+        return self._accept(load, outcome, "broken_through" if broken else self._status())
+
+    def _prologue(self, target: float) -> Increment:
+        """The stretch on which nothing breaks, in one increment."""
+        load = round(self.load + self.case.load.prologue * (target - self.load), self.digits)
+        converged = {"staggered": self.case.staggered.model_copy(update={"scheme": "converged"})}
+        outcome = staggered_step(self.discretisation, self.case.model_copy(update=converged), load)
+        self.done += abs(load - self.load)
+        return self._accept(load, outcome, self._status())
+
     def _try(self, load: float, smallest: bool) -> tuple[StepOutcome, str]:
         """Outcome of a staggered step and what speaks against accepting it."""
-        cautious = self.adaptive and not smallest
+        cautious = self.adaptive and (self.dissipative or not smallest)
 
         def give_up(iteration: int) -> str:
+            too_far = cautious and self._advance_energy() > self.energy_limit
+            if too_far and self.dissipative:
+                return TOO_FAR
             if self._broken(self.discretisation.reaction_force()):
                 return "broken through"
-            if cautious and self._advance_energy() > self.energy_limit:
-                return "crack advances too far"
-            return ""
+            return TOO_FAR if too_far else ""
 
         try:
             outcome = staggered_step(self.discretisation, self.case, load, give_up)
         except (NewtonError, LinearSolverError) as error:
             return StepOutcome("stalled", self.discretisation.history_field, 0), str(error)
         if cautious and self._advance_energy() > self.energy_limit:
-            return outcome, "crack advances too far"
+            return outcome, TOO_FAR
         if outcome.verdict == "interrupted" and outcome.reason == "broken through":
             return outcome, ""
         return outcome, outcome.reason
@@ -213,6 +252,7 @@ class _LoadPath:
             leg=self.leg,
             next_size=self.increment,
             peak=self.peak,
+            controlled=self.controlled,
         )
         self.load, self.newton_before = load, newton
         self.step += 1

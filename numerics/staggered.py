@@ -117,7 +117,7 @@ def _passes(discretisation: Discretisation, case: Case, load: float, give_up) ->
     for _ in range(case.staggered.passes):
         discretisation.solve_phase_field(history_field)
         tensile_energy = discretisation.solve_displacement(load, case.staggered.residual_tolerance)
-        history_field = _history(case, committed, tensile_energy)
+        history_field = updated_history(case, committed, tensile_energy)
     return StepOutcome("converged", history_field, case.staggered.passes)
 
 
@@ -133,14 +133,14 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
         # equilibrium only as exact as the phase field has come to rest
         tolerance = max(settings.residual_tolerance, EQUILIBRIUM_SHARE * min(change, 1.0))
         tensile_energy = discretisation.solve_displacement(load, tolerance)
-        history_field = _history(case, committed, tensile_energy)
+        history_field = updated_history(case, committed, tensile_energy)
         start = discretisation.nodal_phase_field
         previous, phase_field = phase_field, discretisation.solve_phase_field(history_field)
         before, change = change, float(np.abs(phase_field - previous).max())
         image = discretisation.nodal_phase_field
         ahead = acceleration.next(start, image)
         # an accelerated step is itself an estimate of the distance
-        remaining = max(_remaining(change, before), float(np.abs(ahead - start).max()))
+        remaining = max(remaining_distance(change, before), float(np.abs(ahead - start).max()))
         if remaining <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
             return StepOutcome("converged", history_field, iteration)
         reason = give_up(iteration)
@@ -151,7 +151,7 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
     return StepOutcome("stalled", history_field, settings.largest_iterations, f"{iteration} staggered iterations")
 
 
-def _remaining(change: float, before: float) -> float:
+def remaining_distance(change: float, before: float) -> float:
     """Distance to the limit of a sequence whose changes fall in proportion, but not below its last change.
 
     Near a limit load the changes are small long before the phase field rests. A first change says nothing of the
@@ -163,5 +163,5 @@ def _remaining(change: float, before: float) -> float:
     return change * max(1.0, ratio / (1.0 - ratio)) if ratio < 1.0 else np.inf
 
 
-def _history(case: Case, committed: NDArray, tensile_energy: NDArray) -> NDArray:
+def updated_history(case: Case, committed: NDArray, tensile_energy: NDArray) -> NDArray:
     return update_history(committed, tensile_energy) if case.staggered.irreversible else tensile_energy

@@ -10,7 +10,7 @@ from numerics.costs import Costs
 from numerics.linear_solvers import linear_solver
 from numerics.newton import load_ratio, newton
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
-from numerics.staggered import NewtonError, _remaining
+from numerics.staggered import NewtonError, remaining_distance
 
 RANDOM = np.random.default_rng(5)
 
@@ -153,10 +153,10 @@ def test_load_ratio_scales_where_it_can():
 
 
 def test_remaining_distance_is_that_of_a_geometric_sequence_and_round_off_is_rest():
-    assert _remaining(0.01, 0.02) == pytest.approx(0.01)
-    assert _remaining(0.009, 0.01) == pytest.approx(0.009 * 9.0)
-    assert _remaining(0.01, 0.005) == np.inf
-    assert _remaining(1e-15, 1e-16) < 1e-11
+    assert remaining_distance(0.01, 0.02) == pytest.approx(0.01)
+    assert remaining_distance(0.009, 0.01) == pytest.approx(0.009 * 9.0)
+    assert remaining_distance(0.01, 0.005) == np.inf
+    assert remaining_distance(1e-15, 1e-16) < 1e-11
 
 
 def test_each_second_is_charged_to_one_part():

@@ -1,0 +1,38 @@
+"""Where the load-displacement path snaps back, the fracture energy leads instead of the load."""
+
+import numpy as np
+import pytest
+
+from fem_reference import FiniteElements
+from mpm import MaterialPoints
+from numerics.quasi_static import increments
+
+COARSE = {"h": 0.04, "coarse": 0.1, "fine": {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}}
+BLUNT = {"steel": {"fracture": {"length_scale": 0.04, "residual_stiffness": 1e-6}}}
+ELEMENTS = {"fem": FiniteElements, "mpm": MaterialPoints}
+
+
+def path(variant, solver, control):
+    load = {"path": [0.0, 0.012], "increment": 1e-3, "largest_advance": 2.0, "control": control}
+    case = variant("sen_tension", mesh=COARSE, materials=BLUNT, load=load, staggered={"tolerance": 1e-4})
+    return list(increments(ELEMENTS[solver](case), case))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_the_path_snaps_back_and_no_energy_is_lost(variant, solver):
+    followed = path(variant, solver, "dissipation")
+    u = np.array([step.u for step in followed])
+    assert followed[-1].status == "broken_through"
+    assert u[np.argmax(u) :].min() < 0.9 * u.max()
+    last = followed[-1]
+    assert last.elastic_energy + last.fracture_energy == pytest.approx(last.external_work, rel=0.06)
+
+
+def test_displacement_control_loses_what_the_crack_does_not_take(variant):
+    jumped = path(variant, "fem", "displacement")[-1]
+    assert jumped.elastic_energy + jumped.fracture_energy < 0.94 * jumped.external_work
+
+
+def test_both_controls_agree_up_to_the_peak(variant):
+    peaks = [max(step.F for step in path(variant, "fem", control)) for control in ("dissipation", "displacement")]
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.005)
