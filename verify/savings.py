@@ -56,7 +56,16 @@ def _adaptive_increments(case: Case) -> Saving:
     if len(load.path) < 2 or not load.adaptive or case.staggered.scheme != "converged" or not case.fracture_enabled:
         return Saving(name, False, f"increments are constant, {load.increment:g}")
     reason = f"increments of {load.increment:g} while nothing breaks, down to {load.smallest:g} where it does"
-    return Saving(name, True, reason, {"load": {"adaptive": False, "increment": load.smallest}})
+    constant = {"adaptive": False, "increment": load.smallest, "control": "displacement"}
+    return Saving(name, True, reason, {"load": constant})
+
+
+def _elastic_prologue(case: Case) -> Saving:
+    name, share = "elastic prologue", case.load.prologue
+    if share == 0.0:
+        return Saving(name, False, "the load path is followed from its start in increments")
+    reason = f"the first increment takes {100 * share:g} % of the way to the first target, where nothing breaks"
+    return Saving(name, True, reason, {"load": {"prologue": 0.0}})
 
 
 def _accelerated_staggering(case: Case) -> Saving:
@@ -85,6 +94,7 @@ def _no_phase_field(case: Case) -> Saving:
 #: a further saving is one more function of the case
 RULES: tuple[Callable[[Case], Saving], ...] = (
     _graded_grid,
+    _elastic_prologue,
     _adaptive_increments,
     _accelerated_staggering,
     _end_when_broken,

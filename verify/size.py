@@ -75,5 +75,6 @@ def _points_per_cell(case: Case, solver: str, triangles: bool) -> int:
 
 
 def _increments(case: Case) -> int:
-    path = float(np.abs(np.diff(case.load.path)).sum())
+    ways = np.abs(np.diff(case.load.path))
+    path = float(ways.sum()) - case.load.prologue * float(ways[0] if len(ways) else 0.0)
     return 1 + int(np.ceil(path / case.load.increment - 1e-9))
