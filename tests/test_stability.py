@@ -10,7 +10,7 @@ import pytest
 
 from cases import CaseError, load_case
 from reports import draw_map, drawing_style
-from verify import running
+from verify import probes, running
 from verify.stability import make_maps
 from verify.studies import Options, StudyError
 
@@ -178,3 +178,54 @@ def test_points_of_an_elongated_bar_part_where_a_cell_can_be_empty(tmp_path: Pat
     assert (table.loc[table["y"] == 1, "verdict"] == "numerical fracture").all()
     assert table.loc[table["y"] == 2, "verdict"].tolist() == ["stable", "stable", "numerical fracture"]
     assert borders["measured"].to_numpy() == pytest.approx(borders["theory"].to_numpy(), abs=0.11), "two increments"
+
+
+# ---------------------------------------------------------------------------------------------- small clouds
+
+
+@pytest.mark.parametrize("cloud", ["full", "fragment", "single"])
+def test_the_measured_critical_step_is_that_of_the_largest_eigenvalue(cloud: str) -> None:
+    case = load_case("homogeneous_bar", "quick", "mpm")
+    critical = probes.explicit_step(case, share=0.1, cloud=cloud, order=2).value
+    assert probes.explicit_step(case, share=0.98 * critical, cloud=cloud, order=2).verdict == "stable"
+    assert probes.explicit_step(case, share=1.02 * critical, cloud=cloud, order=2).verdict == "blew up"
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_no_random_cloud_needs_less_than_the_proven_step(order: int) -> None:
+    """A thousand clouds, single points among them; the worst single point comes close."""
+    case = load_case("homogeneous_bar", "quick", "mpm")
+    rule = probes._step_by_rule(case, order)
+    random = np.random.default_rng(17)
+    constants = probes._constants(case)
+    clouds = [probes.points_of(cloud, random) for cloud in ("single", "fragment") for _ in range(500)]
+    largest = [np.linalg.eigvalsh(probes.scaled_stiffness(points, order, *constants))[-1] for points in clouds]
+    assert 1.0 <= 2.0 / np.sqrt(max(largest)) / rule < 1.2
+
+
+def test_hat_functions_have_no_step_that_holds_for_every_cloud() -> None:
+    """The step of a point beside a cell's edge goes to nothing with its distance."""
+    constants = probes._constants(load_case("homogeneous_bar", "quick", "mpm"))
+    steps = []
+    for distance in (1e-2, 1e-4):
+        points = probes.MIDDLE[0] + np.array([[distance, 0.5]])
+        steps.append(2.0 / np.sqrt(np.linalg.eigvalsh(probes.scaled_stiffness(points, 1, *constants))[-1]))
+    assert steps[1] / steps[0] == pytest.approx(0.1, rel=0.05)
+
+
+def test_points_that_cross_cells_exert_a_force_as_large_as_their_spacing_on_hat_functions() -> None:
+    """One point more or less in a cell is a force of its spacing; a continuous slope leaves a tenth of it, or less."""
+    case = load_case("homogeneous_bar", "quick", "mpm")
+    for count in (2, 4, 8):
+        linear, quadratic, cubic = (
+            probes.cell_crossing(case, points_per_cell=count, order=order).value for order in (1, 2, 3)
+        )
+        assert linear == pytest.approx(probes.STRETCH / count, rel=1e-9)
+        assert quadratic < 0.11 * linear and cubic < 0.11 * quadratic
+
+
+def test_a_map_of_probes_needs_no_run(tmp_path: Path) -> None:
+    (file,) = make_maps(load_case("homogeneous_bar", "quick"), Options(tmp_path), ["cell_crossing"])
+    table, _ = read(file)
+    assert len(table) == 21 and not (tmp_path / "runs").exists()
+    assert table.loc[table["y"] == 1, "verdict"].tolist()[0] == "beyond 10 %"

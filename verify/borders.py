@@ -9,8 +9,7 @@ import pandas as pd
 
 from cases import Case
 from cases.studies import Map
-
-NO_CONVERGENCE, NUMERICAL_FRACTURE = "no convergence", "numerical fracture"
+from verify.verdicts import BLEW_UP, NO_CONVERGENCE, NUMERICAL_FRACTURE, accuracy
 
 
 @dataclass(frozen=True)
@@ -63,10 +62,9 @@ def _allowed(chosen: Map) -> float:
     return chosen.judged.within[0] if chosen.judged else math.nan
 
 
-def accuracy(error: float, limits: tuple[float, ...]) -> str:
-    """The verdict on an error: within the smallest limit that it keeps, or beyond all."""
-    kept = [limit for limit in limits if error <= limit]
-    return f"within {100 * min(kept):g} %" if kept else f"beyond {100 * max(limits):g} %"
+def eigenvalue(case: Case, chosen: Map, row: pd.DataFrame) -> float:
+    """Share of the step by rule at which the largest eigenvalue of the worst cloud is reached: the cells' value."""
+    return float(row["value"].iloc[0])
 
 
 def _accurate(verdict: str, chosen: Map) -> bool | None:
@@ -79,5 +77,6 @@ BORDERS: dict[str, Border] = {
     "toughness_of_the_mesh": Border(toughness_of_the_mesh, _accurate),
     "first_order": Border(first_order, _accurate),
     "round_off": Border(round_off, lambda verdict, _: verdict != NO_CONVERGENCE),
+    "eigenvalue": Border(eigenvalue, lambda verdict, _: verdict != BLEW_UP),
     "connected_points": Border(connected_points, lambda verdict, _: verdict != NUMERICAL_FRACTURE),
 }

@@ -19,7 +19,7 @@ from cases import Case, CaseError
 from cases.judging import merge, nest
 from cases.studies import REACHED, RUN, Judged, Map, coordinates, level_changes
 from verify.atomic import write_text
-from verify.borders import BORDERS, NO_CONVERGENCE, NUMERICAL_FRACTURE, accuracy
+from verify.borders import BORDERS
 from verify.jobs import Job, OutOfTimeError
 from verify.judge import error_of
 from verify.metrics import METRICS, find_metric
@@ -38,9 +38,18 @@ from verify.studies import (
     text_of,
 )
 from verify.targets import target_of
+from verify.verdicts import (
+    BLEW_UP,
+    DRIFT,
+    NO_CONVERGENCE,
+    NOT_POSSIBLE,
+    NUMERICAL_FRACTURE,
+    STABLE,
+    TIMEOUT,
+    Verdict,
+    accuracy,
+)
 
-STABLE, DRIFT, BLEW_UP = "stable", "energy drift", "blew up"
-TIMEOUT, NOT_POSSIBLE = "timeout", "not possible"
 #: nothing counts as broken above this phase field: a force that is gone there was lost by the discretisation
 WHOLE = 0.9
 #: how a run that did not end well is called on a map; a solver's further statuses are one more entry each
@@ -48,26 +57,6 @@ VERDICTS = {"no_convergence": NO_CONVERGENCE, "expected_failure": NO_CONVERGENCE
 BORDER_COLUMNS = ("y", "below", "above", "verdict_below", "verdict_above", "measured", "border", "theory")
 
 Tell = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What is said of a cell.
-
-    value, error : of the judged metric, its distance from the target
-    step, u : at which it failed, or the last ones
-    newton, gmres : iterations of a run, 0 where there are none
-    """
-
-    verdict: str
-    value: float = math.nan
-    error: float = math.nan
-    step: int = 0
-    u: float = math.nan
-    reason: str = ""
-    seconds: float = math.nan
-    newton: int = 0
-    gmres: int = 0
 
 
 @dataclass(frozen=True)
