@@ -44,6 +44,8 @@ def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
         part = table[table["quantity"] == quantity]
         for axis, cost in zip(row, COSTS, strict=True):
             _draw_quantity(axis, part, cost, colours)
+        for axis in row:
+            _draw_uncertainty(axis, part)
         row[0].set_ylabel(f"error in\n{str(quantity).replace('_', ' ')}")
     for axis, words in zip(axes[-1], COSTS.values(), strict=True):
         axis.set_xlabel(words)
@@ -75,9 +77,14 @@ def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, 
         front[cost], front["error"], "o", markersize=9, markerfacecolor="none", color=style.INK,
         markeredgewidth=0.8, label="front of best choices in time",
     )  # fmt: skip
-    unsure = float(part["uncertainty"].max())
-    if np.isfinite(unsure) and unsure > 0:
-        axis.axhspan(axis.get_ylim()[0], unsure, color=style.PALE, zorder=0, label="uncertainty of the reference")
+
+
+def _draw_uncertainty(axis: Any, part: pd.DataFrame) -> None:
+    """Shade the errors that are below what is known of the reference; the axis stays as it is."""
+    unsure, limits = float(part["uncertainty"].max()), axis.get_ylim()
+    if np.isfinite(unsure) and unsure > limits[0]:
+        axis.axhspan(limits[0], unsure, color=style.PALE, zorder=0, label="uncertainty of the reference")
+        axis.set_ylim(limits)
 
 
 def _caption(file: Path, table: pd.DataFrame) -> str:

@@ -1,6 +1,7 @@
 """Charts of accuracy against cost, on stand-ins whose errors are known: F is off by h squared."""
 
 import math
+import shutil
 from pathlib import Path
 
 import fake_solver
@@ -10,8 +11,12 @@ import pytest
 
 from cases import CaseError, load_case
 from reports import draw_chart, drawing_style
+from reports.charts import accuracy_against_cost
+from reports.maps import where_it_fails
+from reports.results import CaseResults
 from verify import running
 from verify.charts import choice_sentence, choices, extrapolated, make_charts, slopes
+from verify.stability import make_maps
 from verify.studies import LONG, Options, StudyError, announce
 
 CHART = """
@@ -32,8 +37,7 @@ levels = { "mesh.h" = [0.4, 0.2, 0.1] }
 """
 
 
-@pytest.fixture(autouse=True)
-def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+def install(monkeypatch: pytest.MonkeyPatch) -> None:
     """FEM: F (1 + h^2); MPM: F (1 + 2 h^2)."""
     fake_solver.install(monkeypatch)
     for solver, factor in (("fem", 1.0), ("mpm", 2.0)):
@@ -44,16 +48,30 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
         )
 
 
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch)
+
+
 @pytest.fixture
 def case_file(tmp_path: Path) -> Path:
     return fake_solver.write_case(tmp_path / "square", CHART)
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a case, and the output of its charts in ``out``."""
+    folder = tmp_path_factory.mktemp("charts")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        install(monkeypatch)
+        make_charts(load_case(fake_solver.write_case(folder / "square", CHART), "quick"), Options(folder / "out"))
+    return folder
+
+
 @pytest.fixture
-def chart(case_file: Path, tmp_path: Path) -> Path:
+def chart(finished: Path) -> Path:
     """The table of a finished chart."""
-    (file,) = make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
-    return file
+    return finished / "out" / "charts" / "square" / "quick" / "spacing.csv"
 
 
 def test_errors_are_measured_from_the_extrapolated_limit(chart: Path) -> None:
@@ -120,15 +138,17 @@ def test_the_front_holds_what_nothing_beats(chart: Path) -> None:
 
 
 def test_finished_levels_are_used_again_and_repeats_are_added(
-    chart: Path, case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    finished: Path, chart: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(finished / "out", out)
+    case = load_case(finished / "square" / "case.toml", "quick")
     monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(0, AssertionError("a solver ran")))
-    before = chart.read_text()
-    make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
-    assert chart.read_text() == before
+    (again,) = make_charts(case, Options(out))
+    assert again.read_text() == chart.read_text()
     monkeypatch.setattr(running, "solver_increments", fake_solver.fake_increments)
-    make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"), repeats=3)
-    assert (pd.read_csv(chart)["repeats"] == 3).all()
+    (again,) = make_charts(case, Options(out), repeats=2)
+    assert (pd.read_csv(again)["repeats"] == 2).all()
 
 
 def test_a_level_that_fails_stays_in_the_table(
@@ -185,3 +205,25 @@ def test_an_unknown_quantity_or_chart_is_told(case_file: Path, tmp_path: Path) -
 def test_what_takes_long_says_so_before_it_starts() -> None:
     assert announce(LONG + 1.0, "The charts of x").startswith("The charts of x will take about 10 minutes")
     assert announce(LONG - 1.0, "The charts of x") == ""
+
+
+def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_path: Path) -> None:
+    """Made from the tables alone: the figures on a page are those of its CSVs."""
+    out, case = tmp_path / "out", load_case(fake_solver.write_case(tmp_path / "square", CHART, MAP), "quick")
+    shutil.copytree(finished / "out" / "charts", out / "charts")
+    make_maps(case, Options(out))
+    results = CaseResults({"case": "square", "tier": "quick", "source": str(case.source)}, out)
+    with drawing_style():
+        drawings = [*accuracy_against_cost(results, tmp_path / "figures"), *where_it_fails(results, tmp_path / "figures")]
+    assert [drawing.name for drawing in drawings] == ["chart-spacing", "map-spacing"]
+    assert "For 5 % in all quantities choose" in drawings[0].caption and "2 cells: 2 stable" in drawings[1].caption
+    for drawing in drawings:
+        assert (tmp_path / "figures" / drawing.file).is_file() and (tmp_path / "figures" / str(drawing.data)).is_file()
+
+
+MAP = """
+[maps.spacing]
+run = "fem"
+x = { "mesh.h" = [0.1, 0.2] }
+y = { "mpm.points_per_cell" = [2] }
+"""
