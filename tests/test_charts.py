@@ -26,14 +26,14 @@ targets = [0.05, 0.01, 1e-9]
 change.mesh.under_resolved = true
 [charts.spacing.reference]
 run = "fem"
-levels = { "mesh.h" = [0.04, 0.02, 0.01] }
+levels = { "mesh.h" = [0.16, 0.12, 0.08] }
 order = 2.0
 [charts.spacing.ladders.fem_ladder]
 run = "fem"
-levels = { "mesh.h" = [0.4, 0.2, 0.1, 0.05], "load.increment" = [0.002, 0.001, 0.001, 0.001] }
+levels = { "mesh.h" = [0.4, 0.3, 0.25, 0.2], "load.increment" = [0.002, 0.001, 0.001, 0.001] }
 [charts.spacing.ladders.mpm_ladder]
 run = "mpm"
-levels = { "mesh.h" = [0.4, 0.2, 0.1] }
+levels = { "mesh.h" = [0.4, 0.3, 0.2] }
 """
 
 
@@ -154,12 +154,12 @@ def test_finished_levels_are_used_again_and_repeats_are_added(
 def test_a_level_that_fails_stays_in_the_table(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "solver_increments", failing_at(0.1))
+    monkeypatch.setattr(running, "solver_increments", failing_at(0.25))
     (file,) = make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
-    failed = pd.read_csv(file).query("at == 0.1")
+    failed = pd.read_csv(file).query("at == 0.25")
     assert (failed["status"] == "no_convergence").all() and failed["error"].isna().all()
     with drawing_style():
-        assert "fem_ladder at 0.1" in draw_chart(file, tmp_path).caption
+        assert "fem_ladder at 0.25" in draw_chart(file, tmp_path).caption
 
 
 def failing_at(h: float):
@@ -180,11 +180,11 @@ def test_the_figure_repeats_the_choice_and_the_order(chart: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("[0.04, 0.02, 0.01]", "[0.4, 0.2, 0.1]", "is not finer than every level of 'fem_ladder'"),
-        ("[0.04, 0.02, 0.01]", "[0.04, 0.02]", "three or more"),
+        ("[0.16, 0.12, 0.08]", "[0.4, 0.3, 0.25]", "is not finer than every level of 'fem_ladder'"),
+        ("[0.16, 0.12, 0.08]", "[0.16, 0.08]", "three or more"),
         ("[0.002, 0.001, 0.001, 0.001]", "[0.002]", "not equally many values"),
         ('run = "mpm"\nlevels', 'run = "mmp"\nlevels', "did you mean 'mpm'"),
-        ('{ "mesh.h" = [0.4, 0.2, 0.1] }', '{ "units.length" = ["m"] }', "may not be varied"),
+        ('{ "mesh.h" = [0.4, 0.3, 0.2] }', '{ "units.length" = ["m"] }', "may not be varied"),
     ],
 )
 def test_a_mistake_in_a_chart_is_told(case_file: Path, old: str, new: str, words: str) -> None:
@@ -224,6 +224,6 @@ def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_
 MAP = """
 [maps.spacing]
 run = "fem"
-x = { "mesh.h" = [0.1, 0.2] }
+x = { "mesh.h" = [0.2, 0.25] }
 y = { "mpm.points_per_cell" = [2] }
 """
