@@ -82,7 +82,7 @@ def test_recorded_prices_stay_for_other_tiers_and_runs(priced: pd.DataFrame, cas
     assert np.isnan(price_of(recorded, "paper", "mpm", "graded grid"))
 
 
-@pytest.mark.parametrize(("accuracy", "used"), [(0.01, False), (0.2, True)])
+@pytest.mark.parametrize(("accuracy", "used"), [(0.01, False), (0.05, False), (0.2, True)])
 def test_the_plan_switches_off_what_costs_more_than_its_share(
     priced: pd.DataFrame, case_file: Path, accuracy: float, used: bool
 ) -> None:
