@@ -127,6 +127,7 @@ class Mesh(Table):
     coarse : largest spacing outside the fine box [length]; None for no limit
     growth : largest ratio of neighbouring spacings outside the fine box
     fine : the fine box
+    follow_crack : enlarge the fine box, and redo the increment, where the crack has gone out of it
     element : shape of the finite elements
     geometry : on which the finite elements measure strain: as meshed, or as they have moved after each increment
     under_resolved : allow h above the length scale, to study what it costs
@@ -136,6 +137,7 @@ class Mesh(Table):
     coarse: Annotated[Length, Field(gt=0)] | None = None
     growth: Annotated[Number, Field(gt=1, le=10)] = 1.3
     fine: Box | None = None
+    follow_crack: Switch = False
     element: Literal["quad", "triangle"] = "quad"
     geometry: Literal["initial", "updated"] = "initial"
     under_resolved: Switch = False
@@ -145,6 +147,9 @@ class Mesh(Table):
         if self.coarse is not None and self.fine is None:
             remedy = "add mesh.fine or remove it"
             raise BrokenRuleError("has no effect without a fine box", remedy, "coarse", self.coarse)
+        if self.follow_crack and (self.fine is None or self.geometry == "updated"):
+            remedy = 'add mesh.fine, and leave mesh.geometry at "initial"'
+            raise BrokenRuleError("has no fine box to enlarge on a geometry that stays", remedy, "follow_crack", True)
         if self.coarse is not None and self.coarse < self.h:
             raise BrokenRuleError("is below h", f"make it at least h = {self.h:g}", "coarse", self.coarse)
         if self.fine is not None and self.fine.is_flat:

@@ -15,6 +15,7 @@ from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.linear_solvers import lift_empty_diagonal, linear_solver
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton
+from numerics.refinement import carried
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from numerics.staggered import NewtonError
 from physics.elasticity import MaterialTable
@@ -272,6 +273,19 @@ class FiniteElements:
         # a state turned inside out is reported when the next step begins
         with suppress(NewtonError):
             self.begin_step()
+        self.undo()
+
+    def take_over(self, other: FiniteElements) -> None:
+        """Begin with the committed state of ``other``, whose mesh is another one of the same bodies."""
+        before = other.fields()
+        of_points, _ = carried(
+            self.gauss_points.reshape(-1, 2), before.reference, before.displacement, before.gradient
+        )
+        _, displacement = carried(self.nodes, before.reference, before.displacement, before.gradient)
+        self.history_field = other.history_field[of_points]
+        gradient = before.gradient[of_points].reshape(self._gradient.shape)
+        self._committed = (displacement, self.nodal_phase_field, other._committed[2], gradient)
+        self._force_scale = other._force_scale
         self.undo()
 
     # ---------------------------------------------------------------- what can be seen

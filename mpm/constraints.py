@@ -161,15 +161,15 @@ class PointPenalty:
     """Motions prescribed on the body by stiff springs, Eqs. A.1-A.6.
 
     The list of springs is flat: motion after motion, place after place. Tied motions pull their places to one
-    more unknown each, numbered after those of the grid. ``displacement`` (n_springs,) is the committed one of the
-    springs' places.
+    more unknown each, numbered after those of the grid. ``component`` (n_springs,) is the
+    direction of each, ``displacement`` (n_springs,) the committed one of their places.
     """
 
     def __init__(self, case: Case, motions: list[Motion], stiffness: NDArray) -> None:
         self._case, self._motions = case, motions
         self.places = _joined([m.places for m in motions], int)
         self.offset = np.concatenate([m.offset for m in motions]) if motions else np.zeros((0, 2))
-        self._component = _joined([np.full(len(m.places), m.component) for m in motions], int)
+        self.component = _joined([np.full(len(m.places), m.component) for m in motions], int)
         self._stiffness = stiffness[self.places]
         self.n_tied = sum(m.tied for m in motions)
         tied = np.cumsum([m.tied for m in motions]) - 1
@@ -179,7 +179,7 @@ class PointPenalty:
 
     def find_in_grid(self, nodes: NDArray, value: NDArray, equations: NDArray, size: int) -> None:
         """Take the nodes (n_springs, k) and basis values (n_springs, k) at the springs' present places."""
-        self._value, self._unknowns = value, 2 * nodes + self._component[:, None]
+        self._value, self._unknowns = value, 2 * nodes + self.component[:, None]
         self._equations, self._size = equations[self._unknowns], size
         self._first_master = size - self.n_tied
 

@@ -14,6 +14,7 @@ from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.linear_solvers import lift_empty_diagonal, linear_solver
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton
+from numerics.refinement import carried
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
@@ -432,6 +433,30 @@ class MaterialPoints:
         self._penalties.displacement = saved["held"]
         self._force_scale, self._constraint_error = float(saved["force_scale"]), float(saved["constraint_error"])
         self._use_cells((saved["numbered_for"][0], saved["numbered_for"][1]))
+        self._basis_is_current = False
+        self.begin_step()
+        self.undo()
+
+    def take_over(self, other: MaterialPoints) -> None:
+        """Begin with the committed state of ``other``, whose grid and points are others of the same bodies."""
+        before, old = other.state, other.cloud.positions
+        nearest, displacement = carried(self.cloud.positions, old, before.displacement, before.gradient)
+        self.state = PointState(
+            positions=self.cloud.positions + displacement if self.case.mpm.move_points else self.state.positions,
+            displacement=displacement,
+            gradient=before.gradient[nearest],
+            phase_field=before.phase_field[nearest],
+            history_field=before.history_field[nearest],
+            load=before.load,
+            tied=before.tied.copy(),
+        )
+        springs = self._penalties
+        held = self.cloud.positions[springs.places] + springs.offset
+        moved = carried(held, old, before.displacement, before.gradient)[1]
+        springs.displacement = moved[np.arange(len(moved)), springs.component]
+        self._so_far = carried(self.grid.nodes, old, before.displacement, before.gradient)[1]
+        self._force_scale, self._constraint_error = other._force_scale, other._constraint_error
+        self._committed_phase_field = self.nodal_phase_field
         self._basis_is_current = False
         self.begin_step()
         self.undo()

@@ -10,7 +10,7 @@ from cases import Case
 from .staggered import EQUILIBRIUM_SHARE, Discretisation, StepOutcome, remaining_distance, updated_history
 
 #: the fracture energy meets its target within this share of the increment of it
-ENERGY_SHARE = 1e-3
+ENERGY_SHARE = 1e-5
 #: largest change of the load in one staggered iteration, as a factor
 LARGEST_FACTOR = 1.5
 #: evaluations of the phase field to find the load's factor

@@ -12,6 +12,7 @@ from cases import Case
 
 from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
+from .refinement import FollowingDiscretisation
 from .staggered import Discretisation, NewtonError, StepOutcome, staggered_step
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
@@ -145,6 +146,9 @@ class _LoadPath:
             load = target if left < 1e-9 * self.length else round(self.load + direction * size, self.digits)
             smallest = size <= self.case.load.smallest * 1.001
             outcome, problem = self._try(load, smallest)
+            following = self.discretisation if isinstance(self.discretisation, FollowingDiscretisation) else None
+            if not problem and following and following.refine():
+                continue
             if not problem:
                 return self._grow_and_accept(load, outcome)
             self.discretisation.undo()

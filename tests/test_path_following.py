@@ -23,7 +23,7 @@ def test_the_path_snaps_back_and_no_energy_is_lost(variant, solver):
     followed = path(variant, solver, "dissipation")
     u = np.array([step.u for step in followed])
     assert followed[-1].status == "broken_through"
-    assert u[np.argmax(u) :].min() < 0.9 * u.max()
+    assert (np.maximum.accumulate(u) - u).max() > 0.1 * u.max()
     last = followed[-1]
     assert last.elastic_energy + last.fracture_energy == pytest.approx(last.external_work, rel=0.06)
 

@@ -45,13 +45,20 @@ class InterruptedRunError(Exception):
 def _finite_elements(case: Case) -> Discretisation:
     from fem_reference import FiniteElements
 
-    return FiniteElements(case)
+    return _following(FiniteElements, case)
 
 
 def _material_points(case: Case) -> Discretisation:
     from mpm import MaterialPoints
 
-    return MaterialPoints(case)
+    return _following(MaterialPoints, case)
+
+
+def _following(solver: Any, case: Case) -> Discretisation:
+    """The solver, or one whose fine cells follow the crack."""
+    from numerics.refinement import FollowingDiscretisation
+
+    return FollowingDiscretisation(solver, case) if case.mesh.follow_crack else solver(case)
 
 
 #: what ``solver`` in a case's run stands for; a further solver is one more entry

@@ -1,0 +1,43 @@
+"""Fine cells follow the crack, at the answer of a grid that was fine there from the start."""
+
+import numpy as np
+import pytest
+
+from fem_reference import FiniteElements
+from mpm import MaterialPoints
+from numerics.quasi_static import increments
+from numerics.refinement import FollowingDiscretisation
+
+WHOLE = {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}
+TIP = {"lower": [0.4, 0.4], "upper": [0.6, 0.6]}
+BLUNT = {"steel": {"fracture": {"length_scale": 0.03, "residual_stiffness": 1e-6}}}
+LOAD = {"path": [0.0, 0.012], "increment": 1e-3, "smallest": 1e-4}
+
+
+@pytest.mark.parametrize("solver", [FiniteElements, MaterialPoints])
+def test_a_small_fine_box_grows_with_the_crack(variant, solver):
+    def case(fine, follow):
+        mesh = {"h": 0.02, "coarse": 0.1, "fine": fine, "follow_crack": follow}
+        return variant("sen_tension", mesh=mesh, materials=BLUNT, load=LOAD, staggered={"tolerance": 1e-3})
+
+    from_the_start = list(increments(solver(whole := case(WHOLE, False)), whole))
+    following = FollowingDiscretisation(solver, tip := case(TIP, True))
+    cells = following.costs.count["cells"]
+    grown = list(increments(following, tip))
+    assert following.costs.count["refinements"] >= 1
+    assert following.costs.count["cells"] > cells
+    assert grown[-1].status == from_the_start[-1].status == "broken_through"
+    peaks = [max(step.F for step in run) for run in (grown, from_the_start)]
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.003)
+    assert grown[-1].fracture_energy == pytest.approx(from_the_start[-1].fracture_energy, rel=0.03)
+
+
+def test_the_grown_box_comes_back_from_a_checkpoint(variant):
+    mesh = {"h": 0.02, "coarse": 0.1, "fine": TIP, "follow_crack": True}
+    case = variant("sen_tension", mesh=mesh, materials=BLUNT, load=LOAD, staggered={"tolerance": 1e-3})
+    grown = FollowingDiscretisation(FiniteElements, case)
+    list(increments(grown, case))
+    restored = FollowingDiscretisation(FiniteElements, case)
+    restored.restore(grown.checkpoint())
+    assert restored.costs.count["cells"] == grown.costs.count["cells"]
+    assert np.array_equal(restored.history_field, grown.history_field)
