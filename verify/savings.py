@@ -48,7 +48,8 @@ def _graded_grid(case: Case) -> Saving:
     uniform = int(np.prod(np.ceil((upper - lower) / mesh.h - 1e-9)))
     box = {"lower": lower.tolist(), "upper": upper.tolist()}
     reason = f"cells are fine only in mesh.fine; h = {mesh.h:g} throughout would be up to {uniform} cells"
-    return Saving(name, True, reason, {"mesh": {"fine": box}})
+    reason += "; it grows where the crack leaves it" if mesh.follow_crack else ""
+    return Saving(name, True, reason, {"mesh": {"fine": box, "follow_crack": False}})
 
 
 def _adaptive_increments(case: Case) -> Saving:
