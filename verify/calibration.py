@@ -17,7 +17,7 @@ from verify.size import Size, size_of
 
 COSTS_FILE = Path(__file__).with_name("costs.toml")
 #: what is solved, from which the number of iterations in an increment follows
-KINDS = ("elastic", "passes", "fracture", "split")
+KINDS = ("at_rest", "elastic", "passes", "fracture", "split")
 Constants = dict[str, dict[str, float]]
 
 
@@ -62,6 +62,8 @@ def _shapes(unknowns: int) -> np.ndarray:
 
 def kind_of(case: Case) -> str:
     """One of `KINDS`."""
+    if len(case.load.path) == 1:
+        return "at_rest"
     if case.staggered.scheme == "passes" and case.fracture_enabled:
         return "passes"
     splits = {material.fracture.split for material in case.materials.values() if material.fracture}
@@ -103,7 +105,7 @@ def _measured(run: RunFolder, case: Case) -> dict[str, object]:
     told |= {"passes": _passes(case), "increments": size.increments, "unknowns": size.unknowns}
     counters = info["counters"]
     told |= {"points": size.points, "counted_unknowns": counters["unknowns_displacement"]}
-    told["iterations"] = counters["newton"]
+    told["iterations"] = max(1, counters.get("newton", 0))  # a phase field alone needs none
     return told | {"seconds": info["seconds"]["processor"], "memory_mb": info.get("memory_mb", math.nan)}
 
 
@@ -117,8 +119,10 @@ def fit(table: pd.DataFrame) -> Constants:
     """
     fitted = {name: dict(part) for name, part in constants().items()}
     weight = 1.0 / table.groupby("case")["case"].transform("count")
-    per_increment = np.log(table["iterations"].clip(lower=1) / (table["increments"] * table["passes"]))
-    for kind, part in per_increment.groupby(table["kind"]):
+    # runs whose forces are in balance without iterating say nothing of those that iterate
+    moving = table[table["iterations"] >= table["increments"]]
+    per_increment = np.log(moving["iterations"] / (moving["increments"] * moving["passes"]))
+    for kind, part in per_increment.groupby(moving["kind"]):
         fitted["iterations"][str(kind)] = float(np.exp(np.average(part, weights=weight[part.index])))
     for solver, part in table.groupby("solver"):
         shapes = np.array([_shapes(n) * k for n, k in zip(part["unknowns"], part["iterations"], strict=True)])
