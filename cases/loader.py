@@ -27,7 +27,9 @@ def list_cases() -> list[str]:
     return sorted(path.parent.name for path in LIBRARY.glob(f"*/{CASE_FILE}"))
 
 
-def load_case(name_or_path: str | Path, tier: str | None = None, run: str | None = None) -> Case:
+def load_case(
+    name_or_path: str | Path, tier: str | None = None, run: str | None = None, change: Tables | None = None
+) -> Case:
     """A case of the library, of a folder or of a .toml file, at a tier and for a run.
 
     Parameters
@@ -35,6 +37,7 @@ def load_case(name_or_path: str | Path, tier: str | None = None, run: str | None
     name_or_path : name in the library, folder that holds a case.toml, or path of a .toml file
     tier : "quick", "standard" (if None) or "paper"; the tables of [tiers.<tier>] are merged over the file
     run : one of `case.expanded_runs()`; its `change` tables and sweep values are merged too
+    change : tables laid over those of the run, to vary it
 
     Raises
     ------
@@ -42,7 +45,7 @@ def load_case(name_or_path: str | Path, tier: str | None = None, run: str | None
     """
     source = _find(name_or_path)
     name = source.parent.name if source.name == CASE_FILE else source.stem
-    return case_from_tables(_read(source), tier, run, name=name, source=source)
+    return case_from_tables(_read(source), tier, run, name=name, source=source, change=change)
 
 
 def case_from_tables(
@@ -51,6 +54,7 @@ def case_from_tables(
     run: str | None = None,
     name: str = "case",
     source: Path | None = None,
+    change: Tables | None = None,
 ) -> Case:
     """The case that the parsed tables of a case.toml describe; see `load_case`.
 
@@ -72,7 +76,7 @@ def case_from_tables(
     if run not in case.expanded_runs():
         remedy = nearest(run, case.expanded_runs(), "choose a run of the case")
         raise sentence(file, "run", run, "is not a run of this case", remedy)
-    return builder.case(tier, run, case)
+    return builder.case(tier, run, case, change)
 
 
 class _UnitsOnly(Table):
@@ -90,8 +94,10 @@ class _Builder:
         self._has_known_tables()
         self.context = {"units": self._units(), "folder": source.parent}
 
-    def case(self, tier: str, run: str | None = None, base: Case | None = None) -> Case:
-        """The case at a tier, for a run of the case `base`."""
+    def case(
+        self, tier: str, run: str | None = None, base: Case | None = None, varied: Tables | None = None
+    ) -> Case:
+        """The case at a tier, for a run of the case `base`, with the tables `varied` laid over it."""
         tiers = self.tables.get("tiers", {})
         change = tiers.get(tier, {}) if isinstance(tiers, dict) else {}
         origins = [(f"tiers.{tier}", change)]
@@ -105,9 +111,13 @@ class _Builder:
                 *origins,
             ]
             tables = merge(tables, spec.change)
+        if varied:
+            origins = [("varied", varied), *origins]
+            tables = merge(tables, varied)
         place = {"name": self.name, "folder": self.source.parent, "source": self.source}
+        told = {"tier": tier, "run": run, "change": varied or {}}
         try:
-            return Case.model_validate({**tables, **place, "tier": tier, "run": run}, context=self.context)
+            return Case.model_validate({**tables, **place, **told}, context=self.context)
         except ValidationError as error:
             raise case_error(self.source, error, origins) from None
 

@@ -22,17 +22,20 @@ from cases.judging import TIERS, Check, Reference, Run, RunSpec, TierName
 from cases.material import Material
 from cases.notches import Notch
 from cases.numerical import Constraint, Load, Mesh, Mpm, Output, Staggered
+from cases.studies import Chart, Map, Varied
 from cases.table import Name, Switch, Table, nearest, require_one
 from cases.units import Length, Rate, Units, Velocity
 
 MESH_SUFFIXES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".mesh", ".xdmf", ".e", ".exo")
 # What a tier may change: resolution and loading, nothing of the problem itself.
-TIER_TABLES = ("mesh", "mpm", "load", "dynamics", "staggered", "output", "runs")
+TIER_TABLES = ("mesh", "mpm", "load", "dynamics", "staggered", "output", "runs", "charts", "maps")
 # What a run may not change: what the file is, and how it is judged.
-KEPT_BY_RUNS = ("title", "section", "requirement", "units", "runs", "tiers", "references", "checks", "exact")
+KEPT_BY_RUNS = (
+    "title", "section", "requirement", "units", "runs", "tiers", "references", "checks", "exact", "charts", "maps",
+)  # fmt: skip
 # Keys that say nothing about what is computed.
-_PROSE_AND_JUDGING = {"title", "section", "requirement", "runs", "tiers", "references", "checks"}
-_NOT_HASHED = _PROSE_AND_JUDGING | {"name", "tier", "run", "folder", "source"}
+_PROSE_AND_JUDGING = {"title", "section", "requirement", "runs", "tiers", "references", "checks", "charts", "maps"}
+_NOT_HASHED = _PROSE_AND_JUDGING | {"name", "tier", "run", "change", "folder", "source"}
 # Cells of spacing h in one direction; more is a slip of the pen.
 MOST_CELLS = 100_000
 # The load of a case that gives dynamics instead.
@@ -129,6 +132,8 @@ class CaseDescription(Table):
     tiers: dict[TierName, dict[str, Any]] = Field(default_factory=dict)
     references: dict[Name, Reference] = Field(default_factory=dict)
     checks: tuple[Check, ...] = ()
+    charts: dict[Name, Chart] = Field(default_factory=dict)
+    maps: dict[Name, Map] = Field(default_factory=dict)
 
     @field_validator("boundaries")
     @classmethod
@@ -145,7 +150,7 @@ class CaseDescription(Table):
     @field_validator("runs")
     @classmethod
     def _change_known_tables(cls, runs: dict[str, Run]) -> dict[str, Run]:
-        changeable = tuple(key for key in CaseDescription.model_fields if key not in KEPT_BY_RUNS)
+        changeable = changeable_tables()
         for name, run in runs.items():
             _only_known(run.change, changeable, f"{name}.change", "may not be changed by a run")
             tables = {key.partition(".")[0]: None for key in run.sweep}
@@ -162,6 +167,7 @@ class CaseDescription(Table):
         self._notches_are_in_bodies()
         self._spacing_fits_the_bodies()
         self._checks_have_targets()
+        self._studies_vary_runs()
         return self
 
     def bounding_box(self) -> Bounds:
@@ -342,6 +348,23 @@ class CaseDescription(Table):
                     "has no exact solution to compare with", "add the key 'exact'", key, check.against
                 )
 
+    def _studies_vary_runs(self) -> None:
+        for name, chart in self.charts.items():
+            _only_known(chart.change, changeable_tables(), f"charts.{name}.change", "may not be varied")
+            varied: dict[str, Varied] = {f"ladders.{key}": ladder for key, ladder in chart.ladders.items()}
+            varied |= {"reference": chart.reference} if chart.reference else {}
+            for key, table in varied.items():
+                self._varies_a_run(table, f"charts.{name}.{key}")
+        for name, chosen in self.maps.items():
+            if chosen.run is not None:
+                self._varies_a_run(chosen, f"maps.{name}")
+
+    def _varies_a_run(self, varied: Varied | Map, place: str) -> None:
+        _defined(str(varied.run), self.expanded_runs(), f"{place}.run", "run")
+        _only_known(varied.change, changeable_tables(), f"{place}.change", "may not be varied")
+        tables = {key.partition(".")[0]: None for key in varied.varied_keys()}
+        _only_known(tables, changeable_tables(), place, "may not be varied")
+
     def applying_checks(self) -> list[tuple[int, Check]]:
         """Checks with their numbers."""
         return list(enumerate(self.checks))
@@ -362,12 +385,14 @@ class Case(CaseDescription):
     name : of the folder in the library, or of the file
     tier : whose tables were merged
     run : whose change was merged; None for the case as it stands
+    change : tables merged over that run's by whoever varies the case
     folder, source : where the file lies, and the file
     """
 
     name: str
     tier: TierName = "standard"
     run: str | None = None
+    change: dict[str, Any] = Field(default_factory=dict)
     folder: Path
     source: Path
 
@@ -387,6 +412,11 @@ class Case(CaseDescription):
                 tables["bodies"][name]["mesh"] = hashlib.sha256(body.mesh.read_bytes()).hexdigest()
         tables["solver"] = self.run_spec(self.run).solver if self.run else None
         return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def changeable_tables() -> tuple[str, ...]:
+    """Names of the tables that a run, a chart or a map may change."""
+    return tuple(key for key in CaseDescription.model_fields if key not in KEPT_BY_RUNS)
 
 
 def _only_known(tables: dict[str, Any], known: tuple[str, ...], prefix: str, text: str) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from . import curves, fields, film, motion, orientations, scene, style, surface, sweeps, tables, words
+from . import charts, curves, fields, film, maps, motion, orientations, scene, style, surface, sweeps, tables, words
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
     ("Critical load over orientation", orientations.critical_load),
+    ("Accuracy against cost", charts.accuracy_against_cost),
+    ("Where it fails", maps.where_it_fails),
 )
 # The same for a case whose bodies move.
 MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
@@ -48,6 +50,8 @@ MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Momentum", motion.momentum),
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
+    ("Accuracy against cost", charts.accuracy_against_cost),
+    ("Where it fails", maps.where_it_fails),
 )
 
 

@@ -129,6 +129,9 @@ def test_an_interrupted_run_says_where_it_stopped(
         (["accept", "{case}", "--reason", " ", "--out", "{out}"], "reason"),
         (["run", "{case}", "--threads", "none"], "--threads"),
         (["frobnicate"], "No such command"),
+        (["chart", "{case}"], "add a table [charts.NAME]"),
+        (["stability", "{case}"], "add a table [maps.NAME]"),
+        (["calibrate", "--out", "{out}"], "holds no finished runs of two cases"),
     ],
 )
 def test_a_mistake_is_one_sentence_on_stderr_and_exit_code_3(
@@ -169,7 +172,11 @@ def test_accept_then_compare_is_within(tmp_path: Path, options: tuple[str, ...])
 
 
 @pytest.mark.parametrize(
-    "command", ["list", "validate", "plan", "surface", "run", "compare", "report", "accept", "schema"]
+    "command",
+    [
+        "list", "validate", "plan", "surface", "run", "compare", "report", "accept", "schema", "chart", "stability",
+        "price", "calibrate",
+    ],
 )
 def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert verify(command, "--help") == 0

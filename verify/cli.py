@@ -1,18 +1,16 @@
-"""The command line: list, validate, plan, surface, run, compare, report, accept, schema.
+"""The command line: cases before anything is run, runs and their judgement, studies of accuracy, failure and cost.
 
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked.
 """
 
 import json
-import multiprocessing
+import math
 import sys
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import pandas as pd
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -20,11 +18,12 @@ from rich.table import Table
 from cases import Case, CaseError, case_schema, list_cases, load_case
 from verify.atomic import WriteError
 from verify.curves import CurveError
+from verify.jobs import Job, outcomes
 from verify.judge import JudgeError, accept, checks_of, find_runs
-from verify.progress import progress_view
 from verify.provenance import code_version
-from verify.run_folder import RunFolder, RunFolderError, run_path
-from verify.running import DEFAULT_OUT, DEFAULT_THREADS, InterruptedRunError, case_for_run, run, up_to_date
+from verify.run_folder import RunFolderError
+from verify.running import DEFAULT_OUT, DEFAULT_THREADS, InterruptedRunError
+from verify.studies import StudyError
 from verify.summary import (
     check_name,
     check_sentence,
@@ -36,7 +35,7 @@ from verify.summary import (
 )
 
 OUT_OF_TOLERANCE, RUN_FAILED, BAD_INPUT, NOTHING_CHECKED = 1, 2, 3, 4
-USER_ERRORS = (CaseError, CurveError, JudgeError, RunFolderError)
+USER_ERRORS = (CaseError, CurveError, JudgeError, RunFolderError, StudyError)
 COLOURS = {"PASS": "green", "FAIL": "red", "RUN_FAILED": "red", "MISSING": "yellow", "NOT_CHECKED": "yellow"}
 EXIT_CODE_HELP = (
     "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked."
@@ -60,6 +59,9 @@ OptionalCase = Annotated[
 ]
 TierOption = Annotated[str, typer.Option("--tier", help="resolution: quick, standard or paper")]
 OutOption = Annotated[Path, typer.Option("--out", help="folder of all results")]
+AccuracyOption = Annotated[
+    str | None, typer.Option("--accuracy", help="error allowed in each checked quantity, such as 1%")
+]
 RunOption = Annotated[list[str] | None, typer.Option("--run", help="only this run; may be repeated")]
 
 
@@ -130,19 +132,45 @@ def validate(case: OptionalCase = None) -> None:
 
 
 @app.command()
-def plan(case: CaseArgument, tier: TierOption = "standard", run_names: RunOption = None) -> None:
+def plan(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    run_names: RunOption = None,
+    accuracy: AccuracyOption = None,
+    out: OutOption = DEFAULT_OUT,
+) -> None:
     """Print what will be modelled and what it will cost, without running it.
 
-    Examples: `verify plan sen_tension --tier paper` · `verify plan sen_shear --run mpm`
+    With an accuracy, savings whose recorded price is above their share of it are switched off, as
+    `verify run --accuracy` does; what the case's charts say of it is repeated.
+
+    Examples: `verify plan sen_tension --tier paper` · `verify plan sen_tension --tier quick --accuracy 1%`
     """
+    from verify.charts import recorded_choices
     from verify.plan import RULE
     from verify.plan import plan as make_plan
 
-    base = load_case(case, tier)
+    base, share = load_case(case, tier), _share(accuracy)
     console = _console()
     for name in _selected_runs(base, run_names):
-        console.print(_plan_table(make_plan(load_case(case, tier, name), name)))
+        console.print(_plan_table(make_plan(load_case(case, tier, name), name, share)))
     console.print(f"Seconds are a rough estimate: {RULE}.", highlight=False)
+    for sentence in recorded_choices(base, out, share) if share else ():
+        console.print(f"Measured by `verify chart`: {sentence}", highlight=False)
+
+
+def _share(accuracy: str | None) -> float | None:
+    """0.01 for "1%" and for "0.01"."""
+    if accuracy is None:
+        return None
+    text = accuracy.strip()
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise typer.BadParameter(f"{accuracy!r} is no share; give for instance 1% or 0.01", param_hint="--accuracy")
+    return value
 
 
 def _plan_table(planned: Any) -> Table:
@@ -152,19 +180,25 @@ def _plan_table(planned: Any) -> Table:
     adapts = " or more, adaptive" if planned.adaptive else ", constant"
     increments = f"{planned.increments}{adapts}, about {planned.iterations} staggered iterations each"
     rows = {
+        "regime": planned.regime,
+        "bodies": planned.bodies,
         "solver": f"{planned.solver}: {planned.basis}",
         "notch": planned.notches,
         "cells": f"{planned.cells}",
         "points": f"{planned.points}",
         "unknowns": f"{planned.unknowns_displacement} of u, {planned.unknowns_phase_field} of c",
-        "increments": f"{planned.increments} equal steps in time" if planned.explicit else increments,
+        "increments": f"{planned.increments} equal steps in time"
+        if planned.explicit
+        else f"{increments}, about {planned.iterations} Newton iterations in all",
         "memory": f"about {planned.memory_mb:.0f} MB",
         "time": f"about {planned.seconds:.0f} s",
     }
     for what, value in rows.items():
         table.add_row(what, value)
     for saving in planned.savings:
-        table.add_row(saving.name, f"{'on' if saving.used else 'off'}: {saving.effect}")
+        table.add_row(saving.name, f"{'on' if saving.used else 'off'}: {saving.reason}")
+    for note in planned.notes:
+        table.add_row("note", note)
     return table
 
 
@@ -204,31 +238,6 @@ def schema() -> None:
 # ------------------------------------------------------------------------------------------------- compute
 
 
-@dataclass(frozen=True)
-class _Job:
-    """One run to do; plain data, so that another process can take it."""
-
-    source: Path
-    name: str
-    run: str
-    tier: str
-    out: Path
-    threads: int
-    force: bool
-    resume: bool
-
-    @property
-    def title(self) -> str:
-        return f"{self.name} {self.tier} {self.run}"
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    title: str
-    line: str
-    failed: bool
-
-
 @app.command("run")
 def run_command(
     case: OptionalCase = None,
@@ -243,20 +252,25 @@ def run_command(
         int, typer.Option("--threads", min=1, help="threads of all jobs together")
     ] = DEFAULT_THREADS,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    accuracy: AccuracyOption = None,
 ) -> None:
     """Compute the runs of a case, or of all cases, that are not up to date. Judges nothing.
 
     Examples: `verify run sen_tension` · `verify run sen_shear --run mpm --tier quick` · `verify run --jobs 2` ·
-    `verify run l_panel --tier paper --resume`
+    `verify run l_panel --tier paper --resume` · `verify run sen_tension --accuracy 1%`
     """
+    from verify.plan import plan as make_plan
+
     todo = [
-        _Job(*named, tier=tier, out=out, threads=max(1, threads // jobs), force=force, resume=resume)
+        Job(*named, tier=tier, out=out, threads=max(1, threads // jobs), force=force, resume=resume)
         for named in _named_runs(case, tier, run_names)
     ]
     for job in todo:
-        case_for_run(job.source, job.run, job.tier)  # a mistake in the last case is told before the first run
+        job.case()  # a mistake in the last case is told before the first run
+    if accuracy is not None:
+        todo = [replace(job, change=make_plan(job.case(), job.run, _share(accuracy)).change) for job in todo]
     console, failed = _console(), False
-    for outcome in _outcomes(todo, jobs):
+    for outcome in outcomes(todo, jobs):
         console.print(f"{outcome.title}: {outcome.line}", markup=False, highlight=False)
         failed |= outcome.failed
     if failed:
@@ -273,61 +287,6 @@ def _named_runs(case: str | None, tier: str, run_names: list[str] | None) -> lis
     if not todo:
         raise typer.BadParameter(f"no case has a run called {', '.join(run_names or [])}", param_hint="--run")
     return todo
-
-
-def _outcomes(todo: list[_Job], jobs: int) -> Iterator[_Outcome]:
-    if jobs == 1 or len(todo) < 2:
-        yield from map(_do, todo)
-        return
-    # a fresh process for each run: the thread count of a used one is fixed, and its memory not its own
-    with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
-        for future in as_completed([pool.submit(_do, job) for job in todo]):
-            yield future.result()
-
-
-def _fresh_processes() -> multiprocessing.context.BaseContext:
-    """Where the platform can, copies of one process that has imported the solvers and computed nothing."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["verify.cli", "verify.ready"])
-    return context
-
-
-def _do(job: _Job) -> _Outcome:
-    """One run from start to end; a failure to write is a failed run, not the end of the others."""
-    folder = run_path(job.out, job.name, job.tier, job.run)
-    finished = None if job.force else up_to_date(case_for_run(job.source, job.run, job.tier), folder)
-    try:
-        with _progress(job, finished) as listener:
-            done = finished or run(
-                job.source, job.run, job.tier, job.out, listener,
-                threads=job.threads, force=job.force, resume=job.resume,
-            )  # fmt: skip
-    except WriteError as error:
-        return _Outcome(job.title, str(error), True)
-    return _outcome(job, done, finished is not None)
-
-
-@contextmanager
-def _progress(job: _Job, finished: RunFolder | None) -> Iterator[Any]:
-    if finished:
-        yield None
-        return
-    with progress_view(job.title, _console()) as view:
-        yield view
-
-
-def _outcome(job: _Job, done: RunFolder, was_up_to_date: bool) -> _Outcome:
-    info = done.info
-    state = "up to date" if was_up_to_date else f"{info['seconds'].get('total', 0.0):.1f} s"
-    if not was_up_to_date and info.get("resumed_after_step") is not None:
-        state += f", resumed after step {info['resumed_after_step']}"
-    line = f"{info['status'].replace('_', ' ')} ({state}), {done.folder}"
-    if done.good:
-        return _Outcome(job.title, line, False)
-    kept = "the last good state is saved there" if info["increments"] else "there is no good state"
-    return _Outcome(job.title, f"{line}; {info['reason']}; {kept}", True)
 
 
 # --------------------------------------------------------------------------------------------------- judge
@@ -415,6 +374,146 @@ def accept_command(
     for row in rows:
         table.add_row(row.run, row.metric, f"{row.value:.8g}", row.unit)
     _console().print(table)
+
+
+# -------------------------------------------------------------------------------------------------- studies
+
+
+@app.command()
+def chart(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    names: Annotated[list[str] | None, typer.Option("--chart", help="only this chart; may be repeated")] = None,
+    repeats: Annotated[int, typer.Option("--repeats", min=1, help="runs of each level; the least time counts")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+) -> None:
+    """Chart accuracy against cost: run the ladders of a case's charts, tabulate and draw error over time and work.
+
+    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts.
+
+    Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3`
+    """
+    from reports import draw_chart, drawing_style
+    from verify.charts import choice_sentence, make_charts
+    from verify.studies import Options
+
+    console, loaded = _console(), load_case(case, tier)
+
+    def tell(line: str) -> None:
+        console.print(line, markup=False, highlight=False)
+
+    for file in make_charts(loaded, Options(out, jobs, threads), names or [], repeats, tell):
+        with drawing_style():
+            drawing = draw_chart(file, file.parent, loaded.charts[file.stem].title)
+        for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
+            tell(choice_sentence(choice))
+        tell(f"Chart: {file}, {file.parent / drawing.file}")
+
+
+@app.command()
+def stability(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    names: Annotated[list[str] | None, typer.Option("--map", help="only this map; may be repeated")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+) -> None:
+    """Map where a method fails: a verdict for every pair of two levels, the border between them bisected.
+
+    Finished runs are used again, failed ones too. Tables and figures go to OUT/maps.
+
+    Examples: `verify stability sen_tension --tier quick` · `verify stability surfing --map toughness --jobs 2`
+    """
+    from reports import draw_map, drawing_style
+    from verify.stability import make_maps
+    from verify.studies import Options
+
+    console, loaded = _console(), load_case(case, tier)
+
+    def tell(line: str) -> None:
+        console.print(line, markup=False, highlight=False)
+
+    for file in make_maps(loaded, Options(out, jobs, threads), names or [], tell):
+        with drawing_style():
+            drawing = draw_map(file, file.parent, loaded.maps[file.stem])
+        tell(drawing.caption)
+        tell(f"Map: {file}, {file.parent / drawing.file}")
+
+
+@app.command("price")
+def price_command(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    run_names: RunOption = None,
+    record: Annotated[bool, typer.Option("--record", help="keep the prices beside the case's baseline")] = False,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+) -> None:
+    """Price every saving: run a case with each of them off in turn and with all off.
+
+    Tabulates processor time spared against the change in each checked quantity. Recorded prices are read by
+    `verify plan` and `verify run` with `--accuracy`.
+
+    Examples: `verify price sen_tension --tier quick` · `verify price sen_tension --run fem --record`
+    """
+    from verify.prices import price
+    from verify.studies import Options
+
+    console, loaded = _console(), load_case(case, tier)
+
+    def tell(line: str) -> None:
+        console.print(line, markup=False, highlight=False)
+
+    file = price(loaded, Options(out, jobs, threads), run_names or [], tell, record)
+    console.print(_price_table(pd.read_csv(file)))
+    tell(f"Prices: {file}")
+
+
+def _price_table(prices: pd.DataFrame) -> Table:
+    table = Table("run", "without", "times the time", "times the work", "quantity", "with", "without it", "change")
+    for _, row in prices.iterrows():
+        time, work = row["seconds_without"] / row["seconds_with"], row["work_without"] / row["work_with"]
+        values = (f"{row['with']:.6g}", f"{row['without']:.6g}", f"{100 * row['change']:.2g} %")
+        failed = ("", "", str(row["status"]))
+        known = isinstance(row["quantity"], str)
+        shown = (row["quantity"], *values) if known else ("", *failed)
+        table.add_row(row["run"], row["saving"], f"{time:.3g}", f"{work:.3g}", *shown)
+    return table
+
+
+@app.command()
+def calibrate(
+    out: OutOption = DEFAULT_OUT,
+    write: Annotated[bool, typer.Option("--write", help="keep the constants in verify/costs.toml")] = False,
+) -> None:
+    """Fit the constants of predicted costs to all finished runs of a folder, and tell how far predictions are off.
+
+    Run on an idle machine for seconds that hold elsewhere; processor time is what is fitted.
+
+    Examples: `verify calibrate` · `verify calibrate --out reports/out --write`
+    """
+    from verify import calibration
+
+    table = calibration.measured_runs(out)
+    if table["case"].nunique() < 2:
+        raise RunFolderError(f"{out / 'runs'}: holds no finished runs of two cases or more; do them with `verify run`.")
+    fitted = calibration.fit(table)
+    judged = {"fitted": calibration.predicted(table, fitted), "left out": calibration.left_out(table)}
+    shown = Table("predicted over measured", "median", "least", "most", "within a factor of 2", "with its case left out")
+    for name in calibration.QUANTITIES:
+        ratios = judged["fitted"][name]
+        shares = [f"{100 * calibration.within_factor(part[name]):.0f} %" for part in judged.values()]
+        shown.add_row(name, *(f"{value:.2f}" for value in (ratios.median(), ratios.min(), ratios.max())), *shares)
+    console = _console()
+    console.print(shown)
+    console.print(f"{len(table)} runs of {table['case'].nunique()} cases", highlight=False)
+    if write:
+        calibration.write_constants(fitted)
+        console.print(f"Written: {calibration.COSTS_FILE}", highlight=False)
 
 
 # ---------------------------------------------------------------------------------------------------- main

@@ -57,7 +57,9 @@ REQUIRED_INFO = (
 GOOD_STATUSES = ("complete", "broken_through", "expected_failure")
 STATUSES = (*GOOD_STATUSES, "no_convergence", "blew_up", "failed")
 
-__all__ = ["RunFolder", "RunFolderError", "RunWriter", "Snapshot", "WriteError", "partial_folder", "run_path"]
+__all__ = [
+    "RunFolder", "RunFolderError", "RunWriter", "Snapshot", "WriteError", "case_folder", "partial_folder", "run_path",
+]  # fmt: skip
 
 
 class RunFolderError(Exception):
@@ -134,6 +136,13 @@ def run_path(out: Path, case: str, tier: str, run: str) -> Path:
     """Folder of a finished run under the output folder ``out``."""
     # the label of a sweep may hold a path
     return out / "runs" / case / tier / re.sub(r"[/\\\\:]", "_", run)
+
+
+def case_folder(out: Path, case: "Case", run: str) -> Path:
+    """Folder of a run of a loaded case; of a varied one it is named by what is computed, so that all may share it."""
+    if not case.change:
+        return run_path(out, case.name, case.tier, run)
+    return run_path(out, case.name, case.tier, "varied") / case.hash()
 
 
 def partial_folder(folder: Path) -> Path:
@@ -478,4 +487,5 @@ class RunFolder:
         """The case as its file stands now; see `verify.judge` for runs that are older than it."""
         from cases import load_case
 
-        return load_case(self.info.get("case_source", self.info["case"]), self.info["tier"], self.info["run"])
+        source, change = self.info.get("case_source", self.info["case"]), self.info.get("change")
+        return load_case(source, self.info["tier"], self.info["run"], change)

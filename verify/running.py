@@ -24,7 +24,7 @@ from verify.run_folder import (
     RunWriter,
     WriteError,
     as_expected,
-    run_path,
+    case_folder,
     unfinished_checkpoint,
 )
 
@@ -89,7 +89,9 @@ def case_for_run(case: Case | str | Path, run_name: str, tier: str | None = None
     return load_case(case, tier, run_name)
 
 
-def up_to_date(case: Case, folder: Path) -> RunFolder | None:
+def up_to_date(
+    case: Case, folder: Path, statuses: tuple[str, ...] = REPEATABLE_STATUSES
+) -> RunFolder | None:
     """The finished run in ``folder`` when the same case and the same code would give it again."""
     try:
         finished = RunFolder(folder)
@@ -98,7 +100,7 @@ def up_to_date(case: Case, folder: Path) -> RunFolder | None:
     if finished.info["status"] != as_expected(finished.info["status"], case, finished.info["run"]):
         return None
     same = finished.info["case_hash"] == case.hash() and finished.info.get("source_hash") == source_hash()
-    return finished if same and finished.info["status"] in REPEATABLE_STATUSES else None
+    return finished if same and finished.info["status"] in statuses else None
 
 
 def unfinished(case: Case, folder: Path) -> Checkpoint | None:
@@ -141,7 +143,7 @@ def run(
     A solver that fails raises nothing: the folder's status and reason tell, beside the last good state.
     """
     merged = case_for_run(case, run_name, tier)
-    folder = run_path(Path(out), merged.name, merged.tier, run_name)
+    folder = case_folder(Path(out), merged, run_name)
     finished = None if force else up_to_date(merged, folder)
     after = unfinished(merged, folder) if resume else None
     return finished or _compute(merged, run_name, folder, listener, threads, after)
@@ -195,11 +197,13 @@ class _Attempt:
 
     def solve(self) -> None:
         """From the case to the last state; a solver's failure becomes the status ``failed``."""
-        started = time.perf_counter()
+        started, processor = time.perf_counter(), time.process_time()
         try:
             self.discretisation = SOLVERS[self.case.run_spec(self.run_name).solver](self.case)
             self.seconds["set_up"] = time.perf_counter() - started
+            processor = time.process_time() - processor
             self._warm_up(self.discretisation)
+            self.discretisation.costs.seconds["processor"] = processor
             self._take_up(self.discretisation)
             self._march(self.discretisation)
             self._look_at_last_state(self.discretisation)
@@ -233,10 +237,13 @@ class _Attempt:
 
     def _march(self, discretisation: Discretisation) -> None:
         started = time.perf_counter() - (self.after.record.seconds if self.after else 0.0)
+        seconds = discretisation.costs.seconds
+        processor = seconds["processor"] - time.process_time()
         behind = (self.after.record,) if self.after else ()
         done = self.after.record.u if self.after else -math.inf
         frames = FrameWriter(self.writer.partial / "frames", self.case.frame_times, done)
         for record in solver_records(discretisation, self.case, *behind):
+            seconds["processor"] = processor + time.process_time()
             if record.is_last:
                 self.status, self.reason = record.status, record.reason
             if record.is_good:
@@ -265,6 +272,7 @@ class _Attempt:
             "status": as_expected(self.status, self.case, self.run_name),
             "reason": self.reason,
             "case_hash": self.case.hash(),
+            "change": self.case.change,
             "code_version": code_version(),
             "source_hash": source_hash(),
             "versions": library_versions(),

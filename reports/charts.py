@@ -1,0 +1,113 @@
+"""Figures of accuracy against cost, from the tables that ``verify chart`` leaves."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.ticker import NullFormatter
+
+from verify.charts import choice_sentence
+
+from . import style
+from .words import listed, number
+
+if TYPE_CHECKING:
+    from .results import CaseResults
+
+FAILED = ("no_convergence", "failed")
+COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations"}
+MARKERS = "osD^vP"
+
+
+def accuracy_against_cost(results: CaseResults, folder: Path) -> list[style.Drawing]:
+    """Draw every chart that has been made of the case."""
+    home = results.out / "charts" / results.name / results.tier
+    tables = [file for file in sorted(home.glob("*.csv")) if not re.search(r"-(slopes|choices)$|^times$", file.stem)]
+    titles = {name: chart.title for name, chart in results.case.charts.items()} if results.case else {}
+    return [draw_chart(file, folder, titles.get(file.stem, "")) for file in tables]
+
+
+def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
+    """Draw one chart from its table, with the slopes and choices beside it.
+
+    A row of axes for each quantity: its error over processor time and over counted work.
+    """
+    table = pd.read_csv(file)
+    quantities = list(table["quantity"].unique())
+    figure, axes = style.panels(len(quantities), len(COSTS), 9.4, 0.8 + 2.7 * len(quantities), sharey="row", sharex="col")
+    colours = style.colours_of(list(table["ladder"].unique()))
+    for row, quantity in zip(axes, quantities, strict=True):
+        part = table[table["quantity"] == quantity]
+        for axis, cost in zip(row, COSTS, strict=True):
+            _draw_quantity(axis, part, cost, colours)
+        for axis in row:
+            _draw_uncertainty(axis, part)
+        row[0].set_ylabel(f"error in\n{str(quantity).replace('_', ' ')}")
+    for axis, words in zip(axes[-1], COSTS.values(), strict=True):
+        axis.set_xlabel(words)
+        axis.xaxis.set_minor_formatter(NullFormatter())
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
+    name = f"chart-{style.slug(file.stem)}"
+    return style.Drawing(
+        name,
+        f"Accuracy against cost: {title or file.stem}",
+        _caption(file, table),
+        style.save(figure, folder, name),
+        style.save_data(table, folder, name),
+    )
+
+
+def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, str]) -> None:
+    axis.set(xscale="log", yscale="log")
+    axis.grid(True)
+    axis.set_axisbelow(True)
+    for number_, (ladder, levels) in enumerate(part.groupby("ladder", sort=False)):
+        line = style.LINE_OF_SOLVER.get(str(levels["solver"].iloc[0]), "-.")
+        axis.plot(
+            levels[cost], levels["error"], line, marker=MARKERS[number_ % len(MARKERS)], markersize=4,
+            color=colours[str(ladder)], label=str(ladder).replace("_", " "),
+        )  # fmt: skip
+    front = part[part["on_front"].astype(bool)]
+    axis.plot(
+        front[cost], front["error"], "o", markersize=9, markerfacecolor="none", color=style.INK,
+        markeredgewidth=0.8, label="front of best choices in time",
+    )  # fmt: skip
+
+
+def _draw_uncertainty(axis: Any, part: pd.DataFrame) -> None:
+    """Shade the errors that are below what is known of the reference; the axis stays as it is."""
+    unsure, limits = float(part["uncertainty"].max()), axis.get_ylim()
+    if np.isfinite(unsure) and unsure > limits[0]:
+        axis.axhspan(limits[0], unsure, color=style.PALE, zorder=0, label="uncertainty of the reference")
+        axis.set_ylim(limits)
+
+
+def _caption(file: Path, table: pd.DataFrame) -> str:
+    choices = pd.read_csv(file.with_name(f"{file.stem}-choices.csv"))
+    slopes = pd.read_csv(file.with_name(f"{file.stem}-slopes.csv"))
+    together = choices[choices["quantity"] == "all quantities"]
+    chosen = together if len(together) else choices
+    parts = [choice_sentence(choice) for _, choice in chosen.iterrows()]
+    parts += [_orders(slopes), _failures(table)]
+    parts.append(f"Least processor time of {int(table['repeats'].fillna(0).min())} or more runs, compilation apart.")
+    return " ".join(part for part in parts if part)
+
+
+def _orders(slopes: pd.DataFrame) -> str:
+    fitted = slopes[np.isfinite(slopes["order"])]
+    said = []
+    for quantity, part in fitted.groupby("quantity", sort=False):
+        each = [f"{row['ladder']} {number(row['order'], 2)}" for _, row in part.iterrows()]
+        said.append(f"{str(quantity).replace('_', ' ')}: {', '.join(each)}")
+    return f"Fitted orders of the error in the level's size: {'; '.join(said)}." if said else ""
+
+
+def _failures(table: pd.DataFrame) -> str:
+    failed = table[table["status"].isin(FAILED)].drop_duplicates(["ladder", "level"])
+    said = [f"{row['ladder']} at {row['level']}" for _, row in failed.iterrows()]
+    return f"Without result: {listed(said)}." if said else ""

@@ -1,0 +1,127 @@
+"""Figures of maps of failure, from the tables that ``verify stability`` leaves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from . import style
+from .words import listed, number, plural
+
+if TYPE_CHECKING:
+    from cases.studies import Map
+
+    from .results import CaseResults
+
+# colour and mark of a verdict; those of accuracy take shades of blue, from the closest limit to the widest
+FAILURES = {
+    "energy drift": ("#E69F00", "E"),
+    "blew up": ("#D55E00", "×"),
+    "no convergence": ("#CC79A7", "–"),
+    "numerical fracture": ("#D55E00", "/"),
+    "timeout": ("#8a8f98", "T"),
+    "not possible": ("#eceef1", ""),
+}
+ACCURATE = ("#0072B2", "#56B4E9", "#A6D3F0", "#D6EAF8")
+
+
+def where_it_fails(results: CaseResults, folder: Path) -> list[style.Drawing]:
+    """Draw every map that has been made of the case and that it still describes."""
+    home = results.out / "maps" / results.name / results.tier
+    described = results.case.maps if results.case else {}
+    return [
+        draw_map(home / f"{name}.csv", folder, chosen)
+        for name, chosen in described.items()
+        if (home / f"{name}.csv").is_file()
+    ]
+
+
+def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
+    """Draw one map from its table: a field for each cell, dots for bisected ones, the theory's border as a line."""
+    table, borders = pd.read_csv(file), pd.read_csv(file.with_name(f"{file.stem}-borders.csv"))
+    columns, rows = (list(dict.fromkeys(table.loc[~table["bisected"], axis])) for axis in ("x", "y"))
+    colours = _colours(table)
+    figure, axes = style.panels(1, 1, 1.8 + 0.62 * max(len(columns), 6), 1.7 + 0.42 * max(len(rows), 3))
+    axis = axes[0][0]
+    for _, cell in table[~table["bisected"]].iterrows():
+        _draw_cell(axis, cell, columns.index(cell["x"]), rows.index(cell["y"]), colours)
+    if pd.api.types.is_numeric_dtype(table["x"]):
+        _draw_borders(axis, table, borders, columns, rows, colours)
+    axis.set_xticks(range(len(columns)), [_short(value) for value in columns])
+    axis.set_yticks(range(len(rows)), [_short(value) for value in rows])
+    axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
+    axis.set(xlabel=", ".join(chosen.x), ylabel=", ".join(chosen.y))
+    for verdict, colour in colours.items():
+        axis.fill_between([], [], color=colour, label=verdict)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    name = f"map-{style.slug(file.stem)}"
+    return style.Drawing(
+        name,
+        f"Where it fails: {chosen.title or file.stem}",
+        _caption(table, borders),
+        style.save(figure, folder, name),
+        style.save_data(table, folder, name),
+    )
+
+
+def _colours(table: pd.DataFrame) -> dict[str, str]:
+    found = list(dict.fromkeys(table["verdict"]))
+    accurate = sorted((v for v in found if v.startswith("within")), key=lambda verdict: float(verdict.split()[1]))
+    good = dict(zip(["stable", *accurate] if "stable" in found else accurate, ACCURATE, strict=False))
+    beyond = {verdict: "#F6D7C3" for verdict in found if verdict.startswith("beyond")}
+    bad = {verdict: FAILURES.get(verdict, ("#D55E00", "?"))[0] for verdict in found if verdict not in good | beyond}
+    return good | beyond | bad
+
+
+def _draw_cell(axis: Any, cell: pd.Series, column: int, row: int, colours: dict[str, str]) -> None:
+    colour = colours[cell["verdict"]]
+    axis.fill_between([column - 0.48, column + 0.48], row - 0.48, row + 0.48, color=colour, linewidth=0)
+    mark = FAILURES.get(cell["verdict"], ("", ""))[1]
+    said = f"{100 * cell['error']:.2g} %" if np.isfinite(cell["error"]) else mark
+    dark = colour in ACCURATE[:1]
+    axis.text(column, row, said, ha="center", va="center", fontsize=7, color="white" if dark else style.INK)
+
+
+def _draw_borders(
+    axis: Any, table: pd.DataFrame, borders: pd.DataFrame, columns: list[Any], rows: list[Any], colours: dict[str, str]
+) -> None:
+    """Bisected cells as dots between the columns, and the theory's border as a black line through the rows."""
+    for _, cell in table[table["bisected"]].iterrows():
+        axis.plot(
+            _place(cell["x"], columns), rows.index(cell["y"]) - 0.3, "o", markersize=4,
+            color=colours[cell["verdict"]], markeredgecolor=style.INK, markeredgewidth=0.5,
+        )  # fmt: skip
+    label: str | None = "border of the theory"
+    for _, border in borders.dropna(subset=["theory"]).drop_duplicates(["y", "border"]).iterrows():
+        x, row = _place(border["theory"], columns), rows.index(border["y"])
+        axis.plot([x, x], [row - 0.48, row + 0.48], "-", color="black", linewidth=2, label=label)
+        label = None
+
+
+def _place(x: float, columns: list[Any]) -> float:
+    """Where x lies between the columns, by logarithms where all are positive."""
+    values, at = np.sort(np.asarray(columns, dtype=float)), np.argsort(columns).astype(float)
+    if values[0] > 0 and x > 0:
+        values, x = np.log(values), float(np.log(x))
+    return float(np.interp(x, values, at, left=at[0] - 0.5, right=at[-1] + 0.5))
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _caption(table: pd.DataFrame, borders: pd.DataFrame) -> str:
+    counts = table["verdict"].value_counts()
+    parts = [f"{plural(len(table), 'cell')}: {listed(f'{count} {verdict}' for verdict, count in counts.items())}."]
+    for border, known in borders.dropna(subset=["theory"]).groupby("border"):
+        ratios = known["measured"] / known["theory"]
+        spread = f"{number(float(ratios.min()), 3)} to {number(float(ratios.max()), 3)}"
+        parts.append(f"Measured over theoretical border ({str(border).replace('_', ' ')}, black lines): {spread}.")
+    failed = table[table["verdict"].isin(list(FAILURES)) & table["reason"].notna()].drop_duplicates(["verdict", "reason"])
+    parts += [f"{row['verdict'].capitalize()}: {row['reason']}." for _, row in failed.head(4).iterrows()]
+    if table["bisected"].any():
+        parts.append("Dots: cells added by bisection.")
+    return " ".join(parts)

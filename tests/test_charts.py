@@ -1,0 +1,229 @@
+"""Charts of accuracy against cost, on stand-ins whose errors are known: F is off by h squared."""
+
+import math
+import shutil
+from pathlib import Path
+
+import fake_solver
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import CaseError, load_case
+from reports import draw_chart, drawing_style
+from reports.charts import accuracy_against_cost
+from reports.maps import where_it_fails
+from reports.results import CaseResults
+from verify import running
+from verify.charts import choice_sentence, choices, extrapolated, make_charts, slopes
+from verify.stability import make_maps
+from verify.studies import LONG, Options, StudyError, announce
+
+CHART = """
+[charts.spacing]
+quantities = [{ metric = "peak_force" }, { metric = "curve_l2_before_peak" }]
+targets = [0.05, 0.01, 1e-9]
+change.mesh.under_resolved = true
+[charts.spacing.reference]
+run = "fem"
+levels = { "mesh.h" = [0.16, 0.12, 0.08] }
+order = 2.0
+[charts.spacing.ladders.fem_ladder]
+run = "fem"
+levels = { "mesh.h" = [0.4, 0.3, 0.25, 0.2], "load.increment" = [0.002, 0.001, 0.001, 0.001] }
+[charts.spacing.ladders.mpm_ladder]
+run = "mpm"
+levels = { "mesh.h" = [0.4, 0.3, 0.2] }
+"""
+
+
+def install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """FEM: F (1 + h^2); MPM: F (1 + 2 h^2)."""
+    fake_solver.install(monkeypatch)
+    for solver, factor in (("fem", 1.0), ("mpm", 2.0)):
+        monkeypatch.setitem(
+            running.SOLVERS,
+            solver,
+            lambda case, factor=factor: fake_solver.FakeSolver(case, 1.0 + factor * case.mesh.h**2),
+        )
+
+
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch)
+
+
+@pytest.fixture
+def case_file(tmp_path: Path) -> Path:
+    return fake_solver.write_case(tmp_path / "square", CHART)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a case, and the output of its charts in ``out``."""
+    folder = tmp_path_factory.mktemp("charts")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        install(monkeypatch)
+        make_charts(load_case(fake_solver.write_case(folder / "square", CHART), "quick"), Options(folder / "out"))
+    return folder
+
+
+@pytest.fixture
+def chart(finished: Path) -> Path:
+    """The table of a finished chart."""
+    return finished / "out" / "charts" / "square" / "quick" / "spacing.csv"
+
+
+def test_errors_are_measured_from_the_extrapolated_limit(chart: Path) -> None:
+    table = pd.read_csv(chart)
+    peak = table[table["quantity"] == "peak_force"]
+    factor = peak["solver"].map({"fem": 1.0, "mpm": 2.0})
+    assert np.allclose(peak["error"], factor * peak["at"] ** 2, rtol=1e-6), "the limit is 0.5 kN, exactly"
+    assert np.allclose(peak["reference"], 0.5, rtol=1e-12) and (peak["uncertainty"] < 1e-12).all()
+
+
+def test_a_wrong_order_shows_as_uncertainty() -> None:
+    h = np.array([0.4, 0.2, 0.1])
+    limit, uncertainty = extrapolated(h, 3.0 + h, 1.0)
+    assert limit == pytest.approx(3.0, abs=1e-12) and uncertainty < 1e-12
+    limit, uncertainty = extrapolated(h, 3.0 + h**2, 1.0)
+    assert uncertainty > abs(limit - 3.0) > 1e-3
+    limit, uncertainty = extrapolated([1, 2, 4], [3.0 + 1.0 / n for n in (1, 2, 4)], 1.0)
+    assert limit == pytest.approx(3.0), "a coordinate that grows, such as points per cell"
+
+
+def test_slopes_are_those_of_the_errors(chart: Path) -> None:
+    fitted = pd.read_csv(chart.with_name("spacing-slopes.csv"))
+    peak = fitted[fitted["quantity"] == "peak_force"].set_index("ladder")
+    assert peak["order"].to_numpy() == pytest.approx([2.0, 2.0], abs=1e-6)
+    assert (peak["over"] == "mesh.h").all() and peak["levels"].tolist() == [4, 3]
+
+
+def table_of(*rows: tuple[str, float, float, float]) -> pd.DataFrame:
+    """Ladder, at, seconds, error."""
+    table = pd.DataFrame(rows, columns=["ladder", "at", "seconds", "error"])
+    return table.assign(
+        solver="fem", level=table["at"].astype(str), quantity="peak_force", uncertainty=0.0, work=table["seconds"]
+    )
+
+
+def test_the_cheapest_level_is_chosen_and_an_accident_is_not() -> None:
+    table = table_of(
+        ("graded", 0.4, 1.0, 0.001),  # crosses the reference by accident: finer ones are worse
+        ("graded", 0.2, 2.0, 0.04),
+        ("graded", 0.1, 4.0, 0.008),
+        ("uniform", 0.2, 8.0, 0.03),
+        ("uniform", 0.1, 24.0, 0.006),
+    )
+    over = {"graded": "mesh.h", "uniform": "mesh.h"}
+    chosen = choices(table, over, [0.05, 0.01, 0.001]).set_index("target")
+    assert (chosen.loc[0.05, "ladder"], chosen.loc[0.05, "at"]) == ("graded", 0.4), "all of the ladder keeps 5 %"
+    assert chosen.loc[0.01, ["at", "next_ladder", "next_factor"]].tolist() == [0.1, "uniform", 6.0]
+    said = choice_sentence(chosen.reset_index().iloc[1])
+    assert said == "For 1 % in peak force choose graded with h = 0.1 (error 0.8 %, 4 s); uniform takes 6 times as long."
+    assert choice_sentence(chosen.reset_index().iloc[2]) == "For 0.1 % in peak force no level is accurate enough."
+
+
+def test_the_reference_must_be_surer_than_the_target() -> None:
+    table = table_of(("graded", 0.1, 1.0, 0.001)).assign(uncertainty=0.02)
+    assert choices(table, {"graded": "mesh.h"}, [0.01])["ladder"].tolist() == [""]
+    assert math.isnan(slopes(table, {"graded": "mesh.h"})["order"].iloc[0])
+
+
+def test_the_front_holds_what_nothing_beats(chart: Path) -> None:
+    for _, part in pd.read_csv(chart).groupby("quantity"):
+        front = part[part["on_front"]].sort_values("seconds")
+        assert len(front) and (np.diff(front["error"]) < 0).all()
+        assert part.loc[part["error"].idxmin(), "on_front"]
+
+
+def test_finished_levels_are_used_again_and_repeats_are_added(
+    finished: Path, chart: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(finished / "out", out)
+    case = load_case(finished / "square" / "case.toml", "quick")
+    monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(0, AssertionError("a solver ran")))
+    (again,) = make_charts(case, Options(out))
+    assert again.read_text() == chart.read_text()
+    monkeypatch.setattr(running, "solver_increments", fake_solver.fake_increments)
+    (again,) = make_charts(case, Options(out), repeats=2)
+    assert (pd.read_csv(again)["repeats"] == 2).all()
+
+
+def test_a_level_that_fails_stays_in_the_table(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "solver_increments", failing_at(0.25))
+    (file,) = make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
+    failed = pd.read_csv(file).query("at == 0.25")
+    assert (failed["status"] == "no_convergence").all() and failed["error"].isna().all()
+    with drawing_style():
+        assert "fem_ladder at 0.25" in draw_chart(file, tmp_path).caption
+
+
+def failing_at(h: float):
+    def increments(solver, case, after=None):
+        march = fake_solver.stopping_at(2) if case.mesh.h == h else fake_solver.fake_increments
+        return march(solver, case, after)
+
+    return increments
+
+
+def test_the_figure_repeats_the_choice_and_the_order(chart: Path, tmp_path: Path) -> None:
+    with drawing_style():
+        drawing = draw_chart(chart, tmp_path, "title")
+    assert (tmp_path / drawing.file).stat().st_size > 1000
+    assert "For 5 % in all quantities choose" in drawing.caption and "fem_ladder 2" in drawing.caption
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[0.16, 0.12, 0.08]", "[0.4, 0.3, 0.25]", "is not finer than every level of 'fem_ladder'"),
+        ("[0.16, 0.12, 0.08]", "[0.16, 0.08]", "three or more"),
+        ("[0.002, 0.001, 0.001, 0.001]", "[0.002]", "not equally many values"),
+        ('run = "mpm"\nlevels', 'run = "mmp"\nlevels', "did you mean 'mpm'"),
+        ('{ "mesh.h" = [0.4, 0.3, 0.2] }', '{ "units.length" = ["m"] }', "may not be varied"),
+    ],
+)
+def test_a_mistake_in_a_chart_is_told(case_file: Path, old: str, new: str, words: str) -> None:
+    case_file.write_text(case_file.read_text().replace(old, new))
+    with pytest.raises(CaseError, match=words):
+        load_case(case_file, "quick")
+
+
+def test_an_unknown_quantity_or_chart_is_told(case_file: Path, tmp_path: Path) -> None:
+    case = load_case(case_file, "quick")
+    with pytest.raises(StudyError, match="it has: spacing"):
+        make_charts(case, Options(tmp_path / "out"), ["spaces"])
+    case_file.write_text(case_file.read_text().replace('{ metric = "peak_force" }', '{ metric = "peak" }'))
+    with pytest.raises(StudyError, match="metric peak: is not known"):
+        make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
+
+
+def test_what_takes_long_says_so_before_it_starts() -> None:
+    assert announce(LONG + 1.0, "The charts of x").startswith("The charts of x will take about 10 minutes")
+    assert announce(LONG - 1.0, "The charts of x") == ""
+
+
+def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_path: Path) -> None:
+    """Made from the tables alone: the figures on a page are those of its CSVs."""
+    out, case = tmp_path / "out", load_case(fake_solver.write_case(tmp_path / "square", CHART, MAP), "quick")
+    shutil.copytree(finished / "out" / "charts", out / "charts")
+    make_maps(case, Options(out))
+    results = CaseResults({"case": "square", "tier": "quick", "source": str(case.source)}, out)
+    with drawing_style():
+        drawings = [*accuracy_against_cost(results, tmp_path / "figures"), *where_it_fails(results, tmp_path / "figures")]
+    assert [drawing.name for drawing in drawings] == ["chart-spacing", "map-spacing"]
+    assert "For 5 % in all quantities choose" in drawings[0].caption and "2 cells: 2 stable" in drawings[1].caption
+    for drawing in drawings:
+        assert (tmp_path / "figures" / drawing.file).is_file() and (tmp_path / "figures" / str(drawing.data)).is_file()
+
+
+MAP = """
+[maps.spacing]
+run = "fem"
+x = { "mesh.h" = [0.2, 0.25] }
+y = { "mpm.points_per_cell" = [2] }
+"""

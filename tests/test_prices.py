@@ -1,0 +1,164 @@
+"""Savings, their prices, and the plan that reads them: on stand-ins whose change is known."""
+
+import json
+from pathlib import Path
+
+import fake_solver
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import list_cases, load_case
+from verify import calibration, cli, running
+from verify.plan import plan
+from verify.prices import PRICES_FILE, price, price_of, read_prices
+from verify.savings import all_off, savings
+from verify.size import size_of
+from verify.studies import Options, StudyError
+
+GRADED = """
+[mesh]
+h = 0.25
+fine = { lower = [0.25, 0.25], upper = [0.75, 0.75] }
+"""
+CHECK = """
+[[checks]]
+metric = "peak_force"
+run = "fem"
+against = "value:0.5"
+limit = 1.0
+reason = "prices its savings"
+"""
+
+
+@pytest.fixture
+def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A graded case; on the graded grid the stand-in is 2 % too stiff."""
+    fake_solver.install(monkeypatch)
+
+    def solver(case):
+        whole = case.mesh.fine.lower == (0.0, 0.0)
+        return fake_solver.FakeSolver(case, 1.0 if whole else 1.02)
+
+    monkeypatch.setitem(running.SOLVERS, "fem", solver)
+    path = fake_solver.write_case(tmp_path / "square", CHECK)
+    path.write_text(path.read_text().replace("\n[mesh]\nh = 0.25\n", GRADED))
+    return path
+
+
+@pytest.fixture
+def priced(case_file: Path, tmp_path: Path) -> pd.DataFrame:
+    case = load_case(case_file, "quick")
+    return pd.read_csv(price(case, Options(tmp_path / "out"), ["fem"], record=True)).set_index("saving")
+
+
+def test_each_saving_is_switched_off_by_its_own_tables(case_file: Path) -> None:
+    case = load_case(case_file, "quick", "fem")
+    for saving in savings(case):
+        if saving.off is None:
+            continue
+        without = {one.name: one for one in savings(load_case(case_file, "quick", "fem", saving.off))}
+        assert saving.used and not without[saving.name].used
+        others = [one.name for one in savings(case) if one.off and one.name != saving.name]
+        assert all(without[name].used for name in others), "it switches off nothing else"
+    plain = load_case(case_file, "quick", "fem", all_off(savings(case)))
+    assert not any(saving.off for saving in savings(plain))
+
+
+def test_a_price_is_the_change_in_each_checked_quantity(priced: pd.DataFrame) -> None:
+    assert priced.loc["graded grid", "change"] == pytest.approx(0.02)
+    assert priced.loc["accelerated staggering", "change"] == 0.0
+    assert priced.loc["all savings", "change"] == pytest.approx(0.02)
+    assert (priced["quantity"] == "peak_force").all() and (priced["seconds_without"] > 0).all()
+
+
+def test_recorded_prices_stay_for_other_tiers_and_runs(priced: pd.DataFrame, case_file: Path, tmp_path: Path) -> None:
+    case = load_case(case_file, "standard")
+    price(case, Options(tmp_path / "out"), ["fem"], record=True)
+    price(case, Options(tmp_path / "out"), ["fem"], record=True)
+    recorded = read_prices(case)
+    assert recorded.groupby("tier").size().tolist() == [len(priced), len(priced)]
+    assert price_of(recorded, "paper", "fem", "graded grid") == pytest.approx(0.02), "that of another tier"
+    assert np.isnan(price_of(recorded, "paper", "mpm", "graded grid"))
+
+
+@pytest.mark.parametrize(("accuracy", "used"), [(0.01, False), (0.05, False), (0.2, True)])
+def test_the_plan_switches_off_what_costs_more_than_its_share(
+    priced: pd.DataFrame, case_file: Path, accuracy: float, used: bool
+) -> None:
+    planned = plan(load_case(case_file, "quick", "fem"), "fem", accuracy)
+    saving = next(saving for saving in planned.savings if saving.name == "graded grid")
+    assert saving.used == used and ("2 %" in saving.reason)
+    assert bool(planned.change) != used
+    uniform = plan(load_case(case_file, "quick", "fem", planned.change), "fem")
+    assert planned.cells == uniform.cells
+
+
+def test_a_run_follows_the_plan(priced: pd.DataFrame, case_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        asked = ["run", str(case_file), "--tier", "quick", "--run", "fem", "--accuracy", "1%"]
+        cli.main([*asked, "--out", str(tmp_path / "o")])
+    assert ended.value.code == 0
+    (record,) = (tmp_path / "o").rglob("run.json")
+    assert json.loads(record.read_text())["change"]["mesh"]["fine"]["lower"] == [0.0, 0.0]
+
+
+def test_a_damaged_price_file_is_told(case_file: Path) -> None:
+    (case_file.parent / PRICES_FILE).write_text("tier,run\n")
+    with pytest.raises(StudyError, match="restore it or delete it"):
+        plan(load_case(case_file, "quick", "fem"), "fem", 0.01)
+
+
+@pytest.mark.parametrize("text", ["1 in 100", "200%", "-1%", "nan"])
+def test_an_accuracy_that_is_no_share_is_told(case_file: Path, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["plan", str(case_file), "--accuracy", text])
+    assert ended.value.code == 3 and "give for instance 1% or 0.01" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------------- calibration
+
+
+def synthetic_runs() -> pd.DataFrame:
+    """Measured runs that follow the model exactly."""
+    truth = {
+        "iterations": {"split": 12.0, "fracture": 9.0, "elastic": 1.5, "passes": 2.0, "at_rest": 1.0},
+        "fem": {"per_run": 0.3, "per_iteration": 2e-3, "per_unknown": 2e-6, "per_factor": 3e-9},
+        "mpm": {"per_run": 0.2, "per_iteration": 3e-3, "per_unknown": 3e-6, "per_factor": 4e-9},
+        "memory": {"libraries": 400.0, "per_unknown": 2e-3, "per_point": 5e-4},
+    }
+    rows = []
+    for number, (solver, kind, n, steps) in enumerate(
+        (solver, kind, n, steps)
+        for solver in ("fem", "mpm")
+        for kind in truth["iterations"]
+        for n, steps in ((500, 10), (5000, 40), (60000, 20))
+    ):
+        row = {"case": f"case{number % 5}", "tier": "quick", "run": solver, "solver": solver, "kind": kind, "passes": 1}
+        row |= {"increments": steps, "unknowns": n, "points": 2 * n + 100 * number, "counted_unknowns": n}
+        asked = {name: row[name] for name in ("kind", "passes", "solver", "increments", "unknowns", "points")}
+        cost = calibration._predict(**asked, fitted=truth)
+        rows.append(row | {"iterations": cost.iterations, "seconds": cost.seconds, "memory_mb": cost.memory_mb})
+    return pd.DataFrame(rows)
+
+
+def test_constants_are_found_again_from_runs_that_follow_the_model() -> None:
+    table = synthetic_runs()
+    ratios = calibration.predicted(table, calibration.fit(table))
+    for name in calibration.QUANTITIES:
+        assert ratios[name].to_numpy() == pytest.approx(np.ones(len(table)), rel=1e-6)
+    left_out = calibration.left_out(table)
+    assert left_out["seconds"].to_numpy() == pytest.approx(np.ones(len(table)), rel=1e-6)
+
+
+def test_a_factor_counts_both_ways() -> None:
+    assert calibration.within_factor(pd.Series([0.4, 0.6, 1.0, 1.9, 2.1])) == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("name", list_cases())
+def test_every_case_of_the_library_has_a_finite_cost(name: str) -> None:
+    base = load_case(name, "quick")
+    for run in base.expanded_runs():
+        case = load_case(name, "quick", run)
+        cost = calibration.cost_of(case, size_of(case, run))
+        assert 0.0 < cost.seconds < 1e4 and 100.0 < cost.memory_mb < 1e5 and cost.iterations > 0.0

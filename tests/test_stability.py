@@ -1,0 +1,231 @@
+"""Maps of failure: verdicts, bisection and borders on stand-ins, and borders that theory gives on small real cases."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import fake_solver
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import CaseError, load_case
+from reports import draw_map, drawing_style
+from verify import probes, running
+from verify.stability import make_maps
+from verify.studies import Options, StudyError
+
+MAP = """
+[maps.spacing]
+run = "fem"
+x = { "mesh.h" = [0.05, 0.1, 0.2, 0.25] }
+y = { "mpm.points_per_cell" = [1, 2] }
+judged = { metric = "peak_force", against = "value:0.5", within = [0.01, 0.05] }
+borders = ["first_order"]
+bisections = 6
+"""
+
+
+def write_map(folder: Path, **replaced: str) -> Path:
+    text = MAP
+    for old, new in replaced.items():
+        text = text.replace({"judged": text.splitlines()[5], "x": text.splitlines()[3]}[old], new)
+    return fake_solver.write_case(folder / "square", text)
+
+
+@pytest.fixture
+def first_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """F (1 + h / 10): 1 % off at h = 0.1, 2.5 % at h = 0.25."""
+    fake_solver.install(monkeypatch)
+    monkeypatch.setitem(running.SOLVERS, "fem", lambda case: fake_solver.FakeSolver(case, 1.0 + 0.1 * case.mesh.h))
+
+
+def read(file: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    return pd.read_csv(file), pd.read_csv(file.with_name(f"{file.stem}-borders.csv"))
+
+
+def test_bisection_makes_the_border_sharp_at_little_cost(tmp_path: Path, first_order: None) -> None:
+    (file,) = make_maps(load_case(write_map(tmp_path), "quick"), Options(tmp_path / "out"))
+    table, borders = read(file)
+    assert len(table) == 8 + 2 * 6
+    assert borders["measured"].to_numpy() == pytest.approx([0.1, 0.1], rel=0.02)
+    assert borders["theory"].to_numpy() == pytest.approx([0.1, 0.1], rel=1e-6)
+    assert (borders["verdict_below"] == "within 1 %").all() and (borders["verdict_above"] == "within 5 %").all()
+    with drawing_style():
+        drawing = draw_map(file, tmp_path, load_case(tmp_path / "square" / "case.toml", "quick").maps["spacing"])
+    assert "Measured over theoretical border (first order" in drawing.caption
+    assert (tmp_path / drawing.file).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("end", "verdict"),
+    [
+        (fake_solver.stopping_at(4), "no convergence"),
+        (fake_solver.stopping_at(4, FloatingPointError("overflow")), "blew up"),
+    ],
+)
+def test_a_failure_is_a_verdict_with_step_and_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: object, verdict: str
+) -> None:
+    fake_solver.install(monkeypatch, end)
+    case = load_case(write_map(tmp_path, x='x = { "mesh.h" = [0.1, 0.2] }'), "quick")
+    table, _ = read(make_maps(case, Options(tmp_path / "out"))[0])
+    assert set(table["verdict"]) == {verdict} and set(table["step"]) == {4}
+    assert table["reason"].str.len().gt(5).all()
+
+
+def test_a_run_that_takes_too_long_is_given_up_and_not_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_solver.install(monkeypatch)
+    path = write_map(tmp_path, judged="timeout = 1e-9", x='x = { "mesh.h" = [0.1] }')
+    path.write_text(path.read_text().replace('borders = ["first_order"]', ""))
+    assert set(read(make_maps(load_case(path, "quick"), Options(tmp_path / "out"))[0])[0]["verdict"]) == {"timeout"}
+    monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(0, AssertionError("a solver ran")))
+    assert set(read(make_maps(load_case(path, "quick"), Options(tmp_path / "out"))[0])[0]["verdict"]) == {"timeout"}
+
+
+def with_columns(**columns: object):
+    """Increments with other values, each a number or a function of u."""
+
+    def increments(solver, case, after=None):
+        for increment in fake_solver.fake_increments(solver, case, after):
+            changed = {name: value(increment.u) if callable(value) else value for name, value in columns.items()}
+            yield replace(increment, **changed)
+
+    return increments
+
+
+def test_energy_that_drifts_away_is_a_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drifting = with_columns(external_work=lambda u: u, elastic_energy=lambda u: u - max(0.0, u - 0.005))
+    fake_solver.install(monkeypatch, drifting)
+    path = write_map(tmp_path, judged="drift = 0.1", x='x = { "mesh.h" = [0.1] }')
+    path.write_text(path.read_text().replace('borders = ["first_order"]', ""))
+    table, _ = read(make_maps(load_case(path, "quick"), Options(tmp_path / "out"))[0])
+    assert set(table["verdict"]) == {"energy drift"} and set(table["step"]) == {7}, "0.002 of 0.01 is lost at step 7"
+
+
+@pytest.mark.parametrize(("phase_field", "verdict"), [(1.0, "numerical fracture"), (0.0, "stable")])
+def test_a_force_lost_without_damage_is_numerical_fracture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, phase_field: float, verdict: str
+) -> None:
+    fake_solver.install(monkeypatch, with_columns(c_min=phase_field))
+    path = write_map(tmp_path, judged="", x='x = { "history.u" = [0.005, 0.01] }')
+    path.write_text(path.read_text().replace('borders = ["first_order"]', ""))
+    table, _ = read(make_maps(load_case(path, "quick"), Options(tmp_path / "out"))[0])
+    assert table["verdict"].tolist() == ["stable", verdict] * 2
+
+
+def test_a_cell_that_is_no_case_is_not_possible(tmp_path: Path, first_order: None) -> None:
+    path = write_map(tmp_path, x='x = { "mesh.h" = [0.2, 0.5] }')
+    table, _ = read(make_maps(load_case(path, "quick"), Options(tmp_path / "out"))[0])
+    assert (table.loc[table["x"] == 0.5, "verdict"] == "not possible").all(), "h is above l0 = 0.3"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('run = "fem"\nx', 'run = "fem"\nprobe = "p"\nx', "exactly one way to measure"),
+        ('"mesh.h"', '"meh.h"', "did you mean 'mesh'"),
+        ('against = "value:0.5"', 'against = "run"', "give both or none"),
+    ],
+)
+def test_a_mistake_in_a_map_is_told(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = write_map(tmp_path)
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(CaseError, match=words):
+        load_case(path, "quick")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"first_order"', '"second_order"', "'second_order' is not known; choose one of"),
+        ('metric = "peak_force"', 'metric = "peak"', "'peak' is no metric of one run"),
+        ('run = "fem"\nx', 'probe = "p"\nx', "'p' is not known"),
+    ],
+)
+def test_an_unknown_name_in_a_map_is_told(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = write_map(tmp_path)
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(StudyError, match=words):
+        make_maps(load_case(path, "quick"), Options(tmp_path / "out"))
+
+
+def test_a_penalty_ends_where_its_round_off_reaches_the_residual(tmp_path: Path) -> None:
+    """Violation falls as 1 / penalty; Newton's method ends within a decade of residual_tolerance / machine epsilon."""
+    (file,) = make_maps(load_case("cantilever", "quick"), Options(tmp_path), ["penalty"])
+    table, borders = read(file)
+    for _, row in table[table["x"] <= 100.0].groupby("y"):
+        assert float(np.polyfit(np.log(row["x"]), np.log(row["error"]), 1)[0]) == pytest.approx(-1.0, abs=0.1)
+    ratio = (borders["measured"] / borders["theory"]).groupby(borders["border"])
+    assert set(ratio.groups) == {"first_order", "round_off"}
+    assert ratio.min()["round_off"] > 0.1 and ratio.max()["round_off"] < 10.0
+    assert ratio.min()["first_order"] > 0.3 and ratio.max()["first_order"] < 3.0, "one bisection of two decades"
+
+
+def test_one_pass_converges_at_first_order_in_the_increment(tmp_path: Path) -> None:
+    """Passes of the thesis: error in proportion to the increment, and less with more passes."""
+    (file,) = make_maps(load_case("sen_tension", "quick"), Options(tmp_path), ["increments"])
+    error = read(file)[0].set_index(["y", "x"])["error"]
+    assert np.log(error[1, 2e-4] / error[1, 1e-4]) / np.log(2.0) == pytest.approx(1.0, abs=0.3)
+    assert error[4, 1e-4] < 0.3 * error[1, 1e-4] and error[4, 2e-4] < 0.3 * error[1, 2e-4]
+
+
+def test_points_of_an_elongated_bar_part_where_a_cell_can_be_empty(tmp_path: Path) -> None:
+    """Two points in a cell part at a stretch of two, one by one at once; nothing is damaged."""
+    (file,) = make_maps(load_case("homogeneous_bar", "quick"), Options(tmp_path), ["stretch"])
+    table, borders = read(file)
+    assert (table.loc[table["y"] == 1, "verdict"] == "numerical fracture").all()
+    assert table.loc[table["y"] == 2, "verdict"].tolist() == ["stable", "stable", "numerical fracture"]
+    assert borders["measured"].to_numpy() == pytest.approx(borders["theory"].to_numpy(), abs=0.11), "two increments"
+
+
+# ---------------------------------------------------------------------------------------------- small clouds
+
+
+@pytest.mark.parametrize("cloud", ["full", "fragment", "single"])
+def test_the_measured_critical_step_is_that_of_the_largest_eigenvalue(cloud: str) -> None:
+    case = load_case("homogeneous_bar", "quick", "mpm")
+    critical = probes.explicit_step(case, share=0.1, cloud=cloud, order=2).value
+    assert probes.explicit_step(case, share=0.98 * critical, cloud=cloud, order=2).verdict == "stable"
+    assert probes.explicit_step(case, share=1.02 * critical, cloud=cloud, order=2).verdict == "blew up"
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_no_random_cloud_needs_less_than_the_proven_step(order: int) -> None:
+    """A thousand clouds, single points among them; the worst single point comes close."""
+    case = load_case("homogeneous_bar", "quick", "mpm")
+    rule = probes._step_by_rule(case, order)
+    random = np.random.default_rng(17)
+    constants = probes._constants(case)
+    clouds = [probes.points_of(cloud, random) for cloud in ("single", "fragment") for _ in range(500)]
+    largest = [np.linalg.eigvalsh(probes.scaled_stiffness(points, order, *constants))[-1] for points in clouds]
+    assert 1.0 <= 2.0 / np.sqrt(max(largest)) / rule < 1.2
+
+
+def test_hat_functions_have_no_step_that_holds_for_every_cloud() -> None:
+    """The step of a point beside a cell's edge goes to nothing with its distance."""
+    constants = probes._constants(load_case("homogeneous_bar", "quick", "mpm"))
+    steps = []
+    for distance in (1e-2, 1e-4):
+        points = probes.MIDDLE[0] + np.array([[distance, 0.5]])
+        steps.append(2.0 / np.sqrt(np.linalg.eigvalsh(probes.scaled_stiffness(points, 1, *constants))[-1]))
+    assert steps[1] / steps[0] == pytest.approx(0.1, rel=0.05)
+
+
+def test_points_that_cross_cells_exert_a_force_as_large_as_their_spacing_on_hat_functions() -> None:
+    """One point more or less in a cell is a force of its spacing; a continuous slope leaves a tenth of it, or less."""
+    case = load_case("homogeneous_bar", "quick", "mpm")
+    for count in (2, 4, 8):
+        linear, quadratic, cubic = (
+            probes.cell_crossing(case, points_per_cell=count, order=order).value for order in (1, 2, 3)
+        )
+        assert linear == pytest.approx(probes.STRETCH / count, rel=1e-9)
+        assert quadratic < 0.11 * linear and cubic < 0.11 * quadratic
+
+
+def test_a_map_of_probes_needs_no_run(tmp_path: Path) -> None:
+    (file,) = make_maps(load_case("homogeneous_bar", "quick"), Options(tmp_path), ["cell_crossing"])
+    table, _ = read(file)
+    assert len(table) == 21 and not (tmp_path / "runs").exists()
+    assert table.loc[table["y"] == 1, "verdict"].tolist()[0] == "beyond 10 %"

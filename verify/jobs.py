@@ -1,0 +1,140 @@
+"""Runs to do, one after the other or in several processes at a time."""
+
+import multiprocessing
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cases import Case, load_case
+from verify.atomic import WriteError
+from verify.progress import progress_view
+from verify.run_folder import STATUSES, RunFolder, case_folder
+from verify.running import REPEATABLE_STATUSES, run, up_to_date
+
+
+class OutOfTimeError(Exception):
+    """A run was given up because it took longer than it was allowed to."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run to do; plain data, so that another process can take it.
+
+    change : tables laid over those of the run
+    timeout : seconds of the wall's clock after which it is given up at its next increment; a run that failed is then
+        taken for finished as well
+    """
+
+    source: Path
+    name: str
+    run: str
+    tier: str
+    out: Path
+    threads: int
+    force: bool = False
+    resume: bool = False
+    change: dict[str, Any] = field(default_factory=dict)
+    timeout: float | None = None
+    label: str = ""
+
+    @property
+    def title(self) -> str:
+        """What the run is called while it goes on."""
+        return f"{self.name} {self.tier} {self.label or self.run}"
+
+    def case(self) -> Case:
+        """The case to be run; CaseError where there is a mistake in it."""
+        return load_case(self.source, self.tier, self.run, self.change)
+
+    def folder(self) -> Path:
+        """Where its results go."""
+        return case_folder(self.out, self.case(), self.run)
+
+    def finished(self) -> RunFolder | None:
+        """The run where it need not be done again."""
+        case = self.case()
+        statuses = REPEATABLE_STATUSES if self.timeout is None else STATUSES
+        return up_to_date(case, case_folder(self.out, case, self.run), statuses)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended, in words."""
+
+    title: str
+    line: str
+    failed: bool
+
+
+def outcomes(todo: list[Job], jobs: int) -> Iterator[Outcome]:
+    """Do all jobs, so many at a time; yields each as it ends."""
+    if jobs == 1 or len(todo) < 2:
+        yield from map(do, todo)
+        return
+    # a fresh process for each run: the thread count of a used one is fixed, and its memory not its own
+    with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
+        for future in as_completed([pool.submit(do, job) for job in todo]):
+            yield future.result()
+
+
+def _fresh_processes() -> multiprocessing.context.BaseContext:
+    """Where the platform can, copies of one process that has imported the solvers and computed nothing."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["verify.jobs", "verify.ready"])
+    return context
+
+
+def do(job: Job) -> Outcome:
+    """One run from start to end; a failure to write is a failed run, not the end of the others."""
+    finished = None if job.force else job.finished()
+    try:
+        with _progress(job, finished) as listener:
+            done = finished or run(
+                job.case(), job.run, job.tier, job.out, listener,
+                threads=job.threads, force=True, resume=job.resume,
+            )  # fmt: skip
+    except WriteError as error:
+        return Outcome(job.title, str(error), True)
+    return _outcome(job, done, finished is not None)
+
+
+@contextmanager
+def _progress(job: Job, finished: RunFolder | None) -> Iterator[Any]:
+    if finished:
+        yield None
+        return
+    with progress_view(job.title, Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty())) as view:
+        yield view if job.timeout is None else _until(job.timeout, view)
+
+
+def _until(timeout: float, view: Callable[[Any], None]) -> Callable[[Any], None]:
+    """The view, and the end of a run that takes too long."""
+    started = time.perf_counter()
+
+    def listen(increment: Any) -> None:
+        view(increment)
+        if time.perf_counter() - started > timeout:
+            raise OutOfTimeError(f"more than {timeout:g} s, at u = {increment.u:.6g}")
+
+    return listen
+
+
+def _outcome(job: Job, done: RunFolder, was_up_to_date: bool) -> Outcome:
+    info = done.info
+    state = "up to date" if was_up_to_date else f"{info['seconds'].get('total', 0.0):.1f} s"
+    if not was_up_to_date and info.get("resumed_after_step") is not None:
+        state += f", resumed after step {info['resumed_after_step']}"
+    line = f"{info['status'].replace('_', ' ')} ({state}), {done.folder}"
+    if done.good:
+        return Outcome(job.title, line, False)
+    kept = "the last good state is saved there" if info["increments"] else "there is no good state"
+    return Outcome(job.title, f"{line}; {info['reason']}; {kept}", True)

@@ -1,0 +1,202 @@
+"""The price of every saving: time spared against change in each checked quantity.
+
+>>> price(load_case("sen_tension", "quick"), Options(Path("reports/out")))  # doctest: +SKIP
+
+Each run of a case is done as planned, with each saving off in turn and with all off. The prices are written to
+``<out>/prices/<case>/<tier>.csv`` and, on request, recorded beside the case's baseline in ``prices.csv``, from
+where the plan reads them.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cases import Case, load_case
+from verify.atomic import write_text
+from verify.jobs import Job
+from verify.metrics import METRICS, metric_unit
+from verify.provenance import code_version
+from verify.run_folder import RunFolder
+from verify.savings import Saving, all_off, savings
+from verify.studies import (
+    NO_VALUE,
+    Options,
+    StudyError,
+    Variation,
+    announce,
+    counted_work,
+    finished_run,
+    forecast,
+    processor_seconds,
+    run_all,
+)
+
+PRICES_FILE = "prices.csv"
+COLUMNS = (
+    "tier", "run", "saving", "seconds_with", "seconds_without", "work_with", "work_without", "quantity", "with",
+    "without", "unit", "change", "status", "version",
+)  # fmt: skip
+ALL_SAVINGS = "all savings"
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A checked metric with its parameters."""
+
+    metric: str
+    parameters: dict[str, Any]
+
+    def of(self, run: RunFolder) -> float:
+        """Its value in a run; not a number where the run does not give it."""
+        try:
+            return METRICS[self.metric](run, **self.parameters)
+        except NO_VALUE:
+            return math.nan
+
+
+def price(
+    case: Case, options: Options, runs: Sequence[str] = (), tell: Tell = lambda line: None, record: bool = False
+) -> Path:
+    """Do the runs that are not finished and write the table of prices; returns its path.
+
+    Raises
+    ------
+    StudyError : no such run, or no saving of its can be switched off.
+    """
+    priced = [_Priced(case, name, options) for name in runs or _plain_runs(case)]
+    todo = [job for one in priced for job in one.jobs()]
+    if not any(one.switches for one in priced):
+        raise StudyError(f"{case.source}: no saving of its runs can be switched off at tier {case.tier!r}.")
+    warning = announce(forecast(todo, options.jobs), f"The prices of {case.name}")
+    if warning:
+        tell(warning)
+    run_all(todo, options.jobs, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
+    table = pd.DataFrame([row for one in priced for row in one.rows()], columns=list(COLUMNS))
+    file = options.out / "prices" / case.name / f"{case.tier}.csv"
+    write_text(file, table.to_csv(index=False, lineterminator="\n"))
+    if record:
+        _record(case, table)
+    return file
+
+
+def _plain_runs(case: Case) -> list[str]:
+    return [name for name, spec in case.run_specs().items() if not spec.sweep_values]
+
+
+def _record(case: Case, table: pd.DataFrame) -> None:
+    """Beside the baseline, in place of what was recorded for these runs at this tier."""
+    old = read_prices(case)
+    kept = old[(old["tier"] != case.tier) | ~old["run"].isin(table["run"])]
+    both = pd.concat([kept, table], ignore_index=True) if len(kept) else table
+    write_text(case.folder / PRICES_FILE, both.to_csv(index=False, lineterminator="\n"))
+
+
+def read_prices(case: Case) -> pd.DataFrame:
+    """All recorded prices of a case, of every tier; empty without any.
+
+    Raises
+    ------
+    StudyError : the file is damaged.
+    """
+    file = case.folder / PRICES_FILE
+    if not file.is_file():
+        return pd.DataFrame(columns=list(COLUMNS))
+    try:
+        table = pd.read_csv(file)
+    except ValueError as error:
+        raise StudyError(f"{file}: is no readable table ({error}); restore it or delete it.") from error
+    if tuple(table.columns) != COLUMNS:
+        raise StudyError(f"{file}: its columns must be {','.join(COLUMNS)}; restore it or delete it.")
+    return table
+
+
+def price_of(prices: pd.DataFrame, tier: str, run: str, saving: str) -> float:
+    """Largest change of a checked quantity that a saving costs, at this tier or else at any that was priced.
+
+    Not a number where it was never priced.
+    """
+    rows = prices[(prices["run"] == run) & (prices["saving"] == saving)]
+    here = rows[rows["tier"] == tier]
+    return float((here if len(here) else rows)["change"].abs().max())
+
+
+class _Priced:
+    """One run of a case, with and without its savings."""
+
+    def __init__(self, case: Case, run: str, options: Options) -> None:
+        self.case, self.run, self.options = case, run, options
+        merged = load_case(case.source, case.tier, run)
+        self.switches = tuple(saving for saving in savings(merged) if saving.off)
+
+    def _job(self, saving: str, change: dict[str, Any]) -> Job:
+        return Variation(f"{self.run} without {saving}" if change else self.run, self.run, change).job(
+            self.case, self.options
+        )
+
+    def _without(self) -> list[tuple[str, Job]]:
+        """Each saving off in turn, and all off where there are several."""
+        each = [(saving.name, self._job(saving.name, saving.off or {})) for saving in self.switches]
+        together = [(ALL_SAVINGS, self._job(ALL_SAVINGS, all_off(self.switches)))]
+        return each + (together if len(self.switches) > 1 else [])
+
+    def jobs(self) -> list[Job]:
+        """The run as it is, and those without savings."""
+        return [self._job("", {}), *(job for _, job in self._without())] if self.switches else []
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each saving and checked quantity."""
+        usual = finished_run(self._job("", {})) if self.switches else None
+        if usual is None or not usual.good:
+            return []
+        return [row for name, job in self._without() for row in self._rows_of(name, usual, finished_run(job))]
+
+    def _rows_of(self, saving: str, usual: RunFolder, run: RunFolder | None) -> list[dict[str, Any]]:
+        told: dict[str, Any] = {"tier": self.case.tier, "run": self.run, "saving": saving, "version": code_version()}
+        told |= {"seconds_with": processor_seconds(usual), "work_with": counted_work(usual)}
+        if run is None or not run.good:
+            return [told | {"status": run.info["status"] if run else "failed"}]
+        told |= {"seconds_without": processor_seconds(run), "work_without": counted_work(run)}
+        told["status"] = run.info["status"]
+        return [told | self._change(quantity, usual, run) for quantity in self._quantities()]
+
+    def _change(self, quantity: Quantity, usual: RunFolder, run: RunFolder) -> dict[str, Any]:
+        with_it, without = quantity.of(usual), quantity.of(run)
+        change = (with_it - without) / abs(without) if without else math.nan
+        unit = metric_unit(quantity.metric, self.case)
+        return {"quantity": quantity.metric, "with": with_it, "without": without, "unit": unit, "change": change}
+
+    def _quantities(self) -> list[Quantity]:
+        """What checks ask of this run, or of another against it: physical quantities, no errors."""
+        found: dict[str, Quantity] = {}
+        for _, check in self.case.applying_checks():
+            metric = METRICS.get(check.metric)
+            concerned = self.run in (check.run, check.target[1])
+            if metric is not None and concerned and metric.unit not in ("number", "degree"):
+                found.setdefault(f"{check.metric}{check.parameters}", Quantity(check.metric, check.parameters))
+        return list(found.values())
+
+
+def chosen_savings(case: Case, run: str, accuracy: float) -> tuple[tuple[Saving, ...], tuple[str, ...]]:
+    """The savings of a run's case that are too dear for an accuracy, and why, one reason each.
+
+    case : with the run's changes merged in. A saving is too dear when it costs more than its share: the accuracy
+    wanted over the number of savings in use that can be switched off.
+    """
+    switches = [saving for saving in savings(case) if saving.off]
+    prices = read_prices(case)
+    dear, reasons = [], []
+    for saving in switches:
+        cost, share = price_of(prices, case.tier, run, saving.name), accuracy / len(switches)
+        if cost > share:
+            dear.append(saving)
+            reasons.append(f"costs {100 * cost:.2g} %, more than its share of {100 * share:.2g} %")
+    return tuple(dear), tuple(reasons)
+
+
+__all__ = ["PRICES_FILE", "chosen_savings", "price", "price_of", "read_prices"]

@@ -1,0 +1,103 @@
+"""What a run is spared: each saving is a named change of the case that switches it off."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cases import Case
+from cases.judging import merge
+
+Tables = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Saving:
+    """A named switch that spares work, for one run of a case.
+
+    used : whether it is in use; reason : why, or why not
+    off : tables that switch it off; None where it cannot be switched or is not in use
+    """
+
+    name: str
+    used: bool
+    reason: str
+    off: Tables | None = None
+
+
+def savings(case: Case) -> tuple[Saving, ...]:
+    """All savings of a run's case, used or not."""
+    return tuple(rule(case) for rule in RULES)
+
+
+def all_off(chosen: tuple[Saving, ...]) -> Tables:
+    """The tables that switch all of them off."""
+    change: Tables = {}
+    for saving in chosen:
+        change = merge(change, saving.off or {})
+    return change
+
+
+def _graded_grid(case: Case) -> Saving:
+    """Cells are fine only where the crack can go."""
+    name, mesh = "graded grid", case.mesh
+    lower, upper = (np.asarray(corner, dtype=float) for corner in case.bounding_box())
+    if mesh.fine is None or (np.all(lower >= mesh.fine.lower) and np.all(upper <= mesh.fine.upper)):
+        return Saving(name, False, f"the spacing is {mesh.h:g} throughout")
+    uniform = int(np.prod(np.ceil((upper - lower) / mesh.h - 1e-9)))
+    box = {"lower": lower.tolist(), "upper": upper.tolist()}
+    reason = f"cells are fine only in mesh.fine; h = {mesh.h:g} throughout would be up to {uniform} cells"
+    reason += "; it grows where the crack leaves it" if mesh.follow_crack else ""
+    return Saving(name, True, reason, {"mesh": {"fine": box, "follow_crack": False}})
+
+
+def _adaptive_increments(case: Case) -> Saving:
+    name, load = "adaptive increments", case.load
+    if len(load.path) < 2 or not load.adaptive or case.staggered.scheme != "converged" or not case.fracture_enabled:
+        return Saving(name, False, f"increments are constant, {load.increment:g}")
+    reason = f"increments of {load.increment:g} while nothing breaks, down to {load.smallest:g} where it does"
+    constant = {"adaptive": False, "increment": load.smallest, "control": "displacement"}
+    return Saving(name, True, reason, {"load": constant})
+
+
+def _elastic_prologue(case: Case) -> Saving:
+    name, share = "elastic prologue", case.load.prologue
+    if share == 0.0:
+        return Saving(name, False, "the load path is followed from its start in increments")
+    reason = f"the first increment takes {100 * share:g} % of the way to the first target, where nothing breaks"
+    return Saving(name, True, reason, {"load": {"prologue": 0.0}})
+
+
+def _accelerated_staggering(case: Case) -> Saving:
+    name, memory = "accelerated staggering", case.staggered.memory
+    if case.staggered.scheme != "converged" or memory == 0 or not case.fracture_enabled:
+        return Saving(name, False, "the staggered scheme is not iterated with a memory")
+    reason = f"the next phase field is guessed from the last {memory} iterations"
+    return Saving(name, True, reason, {"staggered": {"memory": 0}})
+
+
+def _end_when_broken(case: Case) -> Saving:
+    name, load = "end when broken through", case.load
+    if not load.stop_when_broken or not case.fracture_enabled or len(load.path) < 2:
+        return Saving(name, False, "the whole load path is followed")
+    reason = f"the run ends when the force falls below {load.broken_fraction:g} of its peak"
+    return Saving(name, True, reason, {"load": {"stop_when_broken": False}})
+
+
+def _no_phase_field(case: Case) -> Saving:
+    name = "no phase field where nothing breaks"
+    if case.fracture_enabled:
+        return Saving(name, False, "some material can break")
+    return Saving(name, True, "no material can break: no phase field is solved")
+
+
+#: a further saving is one more function of the case
+RULES: tuple[Callable[[Case], Saving], ...] = (
+    _graded_grid,
+    _elastic_prologue,
+    _adaptive_increments,
+    _accelerated_staggering,
+    _end_when_broken,
+    _no_phase_field,
+)

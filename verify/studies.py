@@ -1,0 +1,108 @@
+"""What charts, maps and prices share: variations of a case, run as ordinary run folders, and what they cost."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cases import Case, Check
+from cases.judging import merge
+from cases.studies import Levels, coordinates, level_changes
+from verify.calibration import cost_of
+from verify.curves import CurveError
+from verify.jobs import Job, Outcome, outcomes
+from verify.metrics import MetricError
+from verify.run_folder import RunFolder, RunFolderError
+from verify.size import size_of
+
+#: a study that will take longer says so before it starts [s]
+LONG = 600.0
+#: what a metric may raise where a run does not give it
+NO_VALUE = (MetricError, CurveError, RunFolderError, ValueError)
+
+
+class StudyError(Exception):
+    """A study cannot be made; its text is one sentence with place, value and remedy."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How the runs of a study are done: so many at a time, each on so many threads."""
+
+    out: Path
+    jobs: int = 1
+    threads: int = 1
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A run of the case with tables laid over it, and what it is called in the study."""
+
+    label: str
+    run: str
+    change: dict[str, Any] = field(default_factory=dict)
+    at: Any = None
+
+    def job(self, case: Case, options: Options, timeout: float | None = None) -> Job:
+        """The run to do."""
+        return Job(
+            case.source, case.name, self.run, case.tier, options.out, options.threads,
+            resume=True, change=self.change, timeout=timeout, label=self.label,
+        )  # fmt: skip
+
+
+def variations(label: str, run: str, change: dict[str, Any], levels: Levels) -> list[Variation]:
+    """One for each level, called by the first key's value."""
+    short = next(iter(levels)).rpartition(".")[2]
+    return [
+        Variation(f"{label} {short}={text_of(at)}", run, merge(change, level), at)
+        for at, level in zip(coordinates(levels), level_changes(levels), strict=True)
+    ]
+
+
+def text_of(value: Any) -> str:
+    """A coordinate in few letters."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def forecast(todo: Iterable[Job], jobs: int) -> float:
+    """Seconds that the jobs will take, as they are planned; what is finished takes none."""
+    cases = [(job.case(), job.run) for job in todo if job.finished() is None]
+    return sum(cost_of(case, size_of(case, run)).seconds for case, run in cases) / jobs
+
+
+def announce(seconds: float, what: str) -> str:
+    """A sentence for what takes long; empty for what does not."""
+    if seconds <= LONG:
+        return ""
+    return f"{what} will take about {seconds / 60:.0f} minutes; what is finished is kept if you stop it."
+
+
+def run_all(todo: Sequence[Job], jobs: int, tell: Callable[[Outcome], None]) -> None:
+    """Do the jobs that are not finished, each computation once."""
+    distinct = {job.folder(): job for job in todo}
+    for outcome in outcomes(list(distinct.values()), jobs):
+        tell(outcome)
+
+
+def finished_run(job: Job) -> RunFolder | None:
+    """The folder of a job that has been done for the case and code as they stand."""
+    return job.finished()
+
+
+def counted_work(run: RunFolder) -> float:
+    """Unknowns times iterations, summed over displacement and phase field: what no clock can disturb."""
+    counters = run.info.get("counters", {})
+    newton = counters.get("newton", run.history["newton"].sum())
+    work = counters.get("unknowns_displacement", 0) * newton
+    return float(work + counters.get("unknowns_phase_field", 0) * run.history["staggered"].sum())
+
+
+def processor_seconds(run: RunFolder) -> float:
+    """Processor time of the solution, compilation apart; on an idle machine and one thread, its duration."""
+    return float(run.info["seconds"]["processor"])
+
+
+def check_of(metric: str, run: str, against: str, **more: Any) -> Check:
+    """A check as a case file would have it, for the functions that evaluate checks."""
+    return Check(metric=metric, run=run, against=against, limit=0.0, reason="a study", **more)
