@@ -13,7 +13,7 @@ ELEMENTS = {"fem": FiniteElements, "mpm": MaterialPoints}
 
 
 def path(variant, solver, control):
-    load = {"path": [0.0, 0.012], "increment": 1e-3, "largest_advance": 2.0, "control": control}
+    load = {"path": [0.0, 0.012], "increment": 1e-3, "smallest": 1e-4, "largest_advance": 2.0, "control": control}
     case = variant("sen_tension", mesh=COARSE, materials=BLUNT, load=load, staggered={"tolerance": 1e-4})
     return list(increments(ELEMENTS[solver](case), case))
 
