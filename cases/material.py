@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cases.errors import BrokenRuleError
@@ -21,21 +23,74 @@ _CONSTANTS = ("young", "poisson", "lame_lambda", "shear_modulus", "bulk_modulus"
 Modulus = Annotated[Stress, Field(gt=0)]
 
 
+class Gamma(Table):
+    """Fourth-order term of the crack density in the material's axes, dimensionless (Eq. 5.5).
+
+    It is the symmetric matrix of a quadratic form of (c,11, c,22, c,12), the mixed derivative counted once, so that
+    γ_θ is that of Eq. 5.9. The default is isotropic with γ_s = 1 (Eq. 5.13).
+    """
+
+    gamma_1111: Number
+    gamma_2222: Number
+    gamma_1122: Number = 0.0
+    gamma_1212: Number = 0.0
+    gamma_1112: Number = 0.0
+    gamma_2212: Number = 0.0
+
+    @model_validator(mode="after")
+    def _is_an_energy(self) -> Gamma:
+        matrix = self.matrix()
+        if np.linalg.eigvalsh(matrix).min() < -_ROUND_OFF * np.abs(matrix).max(initial=1.0):
+            remedy = "choose entries whose matrix has no negative eigenvalue"
+            raise BrokenRuleError("has a negative energy for some curvatures of the phase field", remedy)
+        return self
+
+    def matrix(self) -> NDArray[np.float64]:
+        """The matrix (3, 3) of Eq. 5.5."""
+        return np.array(
+            [
+                [self.gamma_1111, self.gamma_1122, self.gamma_1112],
+                [self.gamma_1122, self.gamma_2222, self.gamma_2212],
+                [self.gamma_1112, self.gamma_2212, self.gamma_1212],
+            ]
+        )
+
+
+# Share of the largest entry by which an eigenvalue of zero may miss it.
+_ROUND_OFF = 1e-12
+_ISOTROPIC = {"gamma_1111": 1.0, "gamma_2222": 1.0, "gamma_1122": 0.5, "gamma_1212": 1.0}
+
+
 class Fracture(Table):
     """Phase-field fracture of a material.
 
     Attributes
     ----------
-    toughness : Gc, energy to open a unit area of crack [force/length]
-    length_scale : l0 of the crack density Gc [(c-1)²/(4 l0) + l0 |∇c|²] [length]; never derived from the mesh
+    toughness : Gc [force/length], the factor of the crack density; to open a unit area of crack takes Gc at
+        order 2 and Gc sqrt(1 + sqrt(γ_θ)) at order 4
+    length_scale : l0 of the crack density Gc [(c-1)²/(4 l0) + l0 |∇c|² + l0³ γ_ijkl c,ij c,kl] [length]; never
+        derived from the mesh
     residual_stiffness : k_f in the degradation g(c) = (1 - k_f) c² + k_f, dimensionless
     split : how the elastic energy is divided into a part that drives the crack and one that does not
+    order : of the equation for the phase field; 4 has the last term of the crack density, 2 has not
+    gamma : that term, only with order 4
+    orientation : of the material's axis 1, counter-clockwise from the x axis [degrees], only with order 4
     """
 
     toughness: Annotated[Toughness, Field(gt=0)]
     length_scale: Annotated[Length, Field(gt=0)]
     residual_stiffness: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     split: Literal["spectral", "volumetric_deviatoric", "none"] = "spectral"
+    order: Literal[2, 4] = 2
+    gamma: Gamma = Field(default_factory=lambda: Gamma(**_ISOTROPIC))
+    orientation: Number = 0.0
+
+    @model_validator(mode="after")
+    def _has_the_order_of_its_terms(self) -> Fracture:
+        for key in ("gamma", "orientation"):
+            if self.order == 2 and key in self.model_fields_set:
+                raise BrokenRuleError("has no effect with order 2", "set order = 4 or remove it", key)
+        return self
 
 
 class Material(Table):

@@ -157,6 +157,7 @@ class CaseDescription(Table):
         self._names_are_defined()
         self._is_static_or_dynamic()
         self._length_scales_are_resolved()
+        self._basis_is_smooth_enough()
         self._bodies_are_apart()
         self._notches_are_in_bodies()
         self._spacing_fits_the_bodies()
@@ -283,6 +284,14 @@ class CaseDescription(Table):
                 raise BrokenRuleError(
                     "is below the mesh spacing", remedy, key, material.fracture.length_scale
                 )
+
+    def _basis_is_smooth_enough(self) -> None:
+        if self.mpm.order > 1:
+            return
+        for name, material in self.materials.items():
+            if material.fracture is not None and material.fracture.order == 4:
+                text = f"has no second derivatives, which materials.{name}.fracture.order = 4 asks for"
+                raise BrokenRuleError(text, "set it to 2 or 3", "mpm.order", self.mpm.order)
 
     def _bodies_are_apart(self) -> None:
         outlines = [(name, body.shape.outline()) for name, body in self.bodies.items() if body.shape]

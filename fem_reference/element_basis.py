@@ -12,7 +12,7 @@ from .meshing import build_mesh
 
 
 class ElementBasis:
-    """Bilinear quads with 2x2 Gauss points, or linear triangles with 3.
+    """Bilinear quads with 2x2 Gauss points, or linear triangles with 3; more where a higher order is integrated.
 
     Attributes
     ----------
@@ -20,16 +20,18 @@ class ElementBasis:
     nodes : (n_nodes, 2) [length]. elements : (n_el, k) corners.
     body : (n_el,) number of the body.
     shape : (n_gauss, k) shape functions; slope : (n_el, n_gauss, k, 2) their gradients [1/length].
+    reference_points : (2, n_gauss) Gauss points in the unit element.
     volume : (n_el, n_gauss) weight times thickness. gauss_points : (n_el, n_gauss, 2) [length].
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: Case, quadrature_order: int = 2) -> None:
         built = build_mesh(case)
         self.mesh, self.body = built.mesh, built.body
         self.nodes = np.ascontiguousarray(built.mesh.p.T)
         self.elements = np.ascontiguousarray(built.mesh.t.T.astype(np.int32))
         element = skfem.ElementQuad1() if isinstance(built.mesh, skfem.MeshQuad) else skfem.ElementTriP1()
-        basis = skfem.Basis(built.mesh, element, intorder=2)
+        basis = skfem.Basis(built.mesh, element, intorder=quadrature_order)
+        self.reference_points = basis.X
         fields = [local[0] for local in basis.basis]
         self.shape = np.array([np.asarray(f)[0] for f in fields]).T.copy()
         self.slope = np.ascontiguousarray(np.stack([f.grad for f in fields]).transpose(2, 3, 0, 1))

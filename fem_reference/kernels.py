@@ -120,6 +120,63 @@ def scalar_at_points(nodes, shape, slope, nodal, value, slope_squared):
             slope_squared[e, q] = cx * cx + cy * cy
 
 
+@njit(cache=True, parallel=True)
+def fourth_order_matrices(
+    unknowns, value, slope, curvature, volume, reaction, resistance, diffusion, bending, nodal, local, out_of_balance
+):
+    """The same as ``phase_field_matrices`` with the fourth-order term (Eq. 5.37), on a smooth basis.
+
+    ``value`` (n_el, n_gauss, k), ``slope`` (n_el, n_gauss, k, 2); ``curvature`` (n_el, n_gauss, k, 3) are second
+    derivatives whose squares add up to the quadratic form of gamma.
+    """
+    for e in prange(slope.shape[0]):
+        local[e, :] = 0.0
+        out_of_balance[e, :] = 0.0
+        for q in range(slope.shape[1]):
+            c = cx = cy = c0 = c1 = c2 = 0.0
+            for a in range(unknowns.shape[1]):
+                phase = nodal[unknowns[e, a]]
+                c += value[e, q, a] * phase
+                cx += slope[e, q, a, 0] * phase
+                cy += slope[e, q, a, 1] * phase
+                c0 += curvature[e, q, a, 0] * phase
+                c1 += curvature[e, q, a, 1] * phase
+                c2 += curvature[e, q, a, 2] * phase
+            w = volume[e, q]
+            source = (resistance[e] - reaction[e, q] * c) * w
+            entry = 0
+            for a in range(unknowns.shape[1]):
+                n, stiff, bend = reaction[e, q] * w * value[e, q, a], diffusion[e] * w, bending[e] * w
+                nx, ny = stiff * slope[e, q, a, 0], stiff * slope[e, q, a, 1]
+                b0, b1, b2 = bend * curvature[e, q, a, 0], bend * curvature[e, q, a, 1], bend * curvature[e, q, a, 2]
+                bent = b0 * c0 + b1 * c1 + b2 * c2
+                out_of_balance[e, a] += value[e, q, a] * source - nx * cx - ny * cy - bent
+                for b in range(a, unknowns.shape[1]):
+                    slopes = nx * slope[e, q, b, 0] + ny * slope[e, q, b, 1]
+                    bends = b0 * curvature[e, q, b, 0] + b1 * curvature[e, q, b, 1] + b2 * curvature[e, q, b, 2]
+                    local[e, entry] += n * value[e, q, b] + slopes + bends
+                    entry += 1
+
+
+@njit(cache=True, parallel=True)
+def smooth_scalar_at_points(unknowns, value, slope, curvature, nodal, scalar, slope_squared, curvature_squared):
+    """Value, squared gradient and quadratic form of gamma of a scalar at the Gauss points, all (n_el, n_gauss)."""
+    for e in prange(unknowns.shape[0]):
+        for q in range(slope.shape[1]):
+            c = cx = cy = c0 = c1 = c2 = 0.0
+            for a in range(unknowns.shape[1]):
+                phase = nodal[unknowns[e, a]]
+                c += value[e, q, a] * phase
+                cx += slope[e, q, a, 0] * phase
+                cy += slope[e, q, a, 1] * phase
+                c0 += curvature[e, q, a, 0] * phase
+                c1 += curvature[e, q, a, 1] * phase
+                c2 += curvature[e, q, a, 2] * phase
+            scalar[e, q] = c
+            slope_squared[e, q] = cx * cx + cy * cy
+            curvature_squared[e, q] = c0 * c0 + c1 * c1 + c2 * c2
+
+
 def packed(n_unknowns: int, n_cells: int) -> np.ndarray:
     """Room for the upper halves of ``n_cells`` local matrices."""
     return np.empty((n_cells, n_unknowns * (n_unknowns + 1) // 2))

@@ -24,22 +24,28 @@ from physics.phase_field import PhaseFieldCoefficients, crack_density, degradati
 from . import kernels
 from .boundary import NodeConstraints
 from .element_basis import ElementBasis
+from .mesh_arrays import MeshError
 from .quality import scaled_jacobian
+from .smooth_basis import SmoothBasis
 
 
 class FiniteElements:
     """Bilinear quads with 2x2 Gauss points, or linear triangles with 3; implements ``Discretisation``.
 
-    Displacement ``(n_nodes, 2)`` and nodal phase field ``(n_nodes,)`` are the trial state.
+    Where a material is of order 4 the phase field, with 3x3 Gauss points, has the basis of ``SmoothBasis``.
+    Displacement ``(n_nodes, 2)`` and the phase field's unknowns ``(n_unknowns,)`` are the trial state.
     """
 
     def __init__(self, case: Case) -> None:
         self.case, self.costs = case, Costs()
-        basis = ElementBasis(case)
+        materials = MaterialTable(case)
+        self._fourth_order = bool(materials.fourth_order.any())
+        basis = ElementBasis(case, quadrature_order=5 if self._fourth_order else 2)
+        self._gauss = basis.reference_points
         self.nodes, self.elements, self.gauss_points = basis.nodes, basis.elements, basis.gauss_points
         self.shape, self.slope, self.volume = basis.shape, basis.slope, basis.volume
         self._first_slope, self._first_volume = basis.slope, basis.volume
-        self._set_materials(MaterialTable(case), basis.body)
+        self._set_materials(materials, basis.body)
         self._set_equations()
         self._set_initial_state()
 
@@ -52,6 +58,20 @@ class FiniteElements:
         self._breaks = bool(materials.breakable.any())
         # one value per element, as a column so that it spreads over the Gauss points
         self._coefficients = PhaseFieldCoefficients(materials, body[:, None])
+        if self._fourth_order:
+            self._smooth = self._smooth_basis(materials.curvature[body])
+
+    def _smooth_basis(self, operator: NDArray) -> SmoothBasis:
+        if self.case.mesh.geometry == "updated":
+            raise MeshError(
+                f'{self.case.source}: mesh.geometry = "updated" would bend the rectangles that fracture.order = 4 needs;'
+                ' set it to "initial"'
+            )
+        try:
+            # Bezier's control points of a cubic over h
+            return SmoothBasis(self.nodes, self.elements, self._gauss, self.case.mesh.h / 3.0, operator)
+        except MeshError as problem:
+            raise MeshError(f"{self.case.source}: {problem}") from None
 
     def _set_equations(self) -> None:
         self.constraints = NodeConstraints(self.case, self.nodes)
@@ -65,11 +85,15 @@ class FiniteElements:
             self._set_phase_equations()
 
     def _set_phase_equations(self) -> None:
-        equations = self.constraints.phase_equations[self.elements]
-        self._phase_pattern = SymmetricPattern(equations, self.constraints.phase_size)
+        self._phase_cells, self._phase_equations = self.elements, self.constraints.phase_equations
+        if self._fourth_order:
+            self._phase_cells = self._smooth.unknowns
+            self._phase_equations = self._smooth.number(self.constraints.phase_equations)
+        size = int(self._phase_equations.max()) + 1
+        self._phase_pattern = SymmetricPattern(self._phase_equations[self._phase_cells], size)
         self._phase_solver = linear_solver(self._phase_pattern, self.costs, "well_conditioned")
-        self._phase_local = kernels.packed(self.elements.shape[1], len(self.elements))
-        self._out_of_balance = np.empty(self.elements.shape)
+        self._phase_local = kernels.packed(self._phase_cells.shape[1], len(self.elements))
+        self._out_of_balance = np.empty(self._phase_cells.shape)
 
     def _body_forces(self) -> NDArray:
         """Nodal forces (2 n_nodes,) of the exact solution's body force at unit load."""
@@ -86,10 +110,13 @@ class FiniteElements:
         n_elements, n_gauss = self.volume.shape
         self.displacement = np.zeros((len(self.nodes), 2))
         self.nodal_phase_field = self.constraints.phase_value.copy()
+        if self._fourth_order:
+            self.nodal_phase_field = self._smooth.spread(self.nodal_phase_field)
         self._gradient = np.zeros((n_elements, n_gauss, 4))
         self._stress, self._psi = np.zeros((n_elements, n_gauss, 3)), np.zeros((n_elements, n_gauss, 2))
         self._forces = np.zeros((n_elements, self._unknowns.shape[1]))
         self._c, self._slope_squared = np.ones((n_elements, n_gauss)), np.zeros((n_elements, n_gauss))
+        self._curvature_squared = np.zeros((n_elements, n_gauss))
         #: strain is measured from here on: from the start, or from the last state where the geometry is updated
         self._measured_from = (np.zeros_like(self.displacement), np.zeros_like(self._gradient))
         self._force_scale = self._applied = 0.0
@@ -98,7 +125,7 @@ class FiniteElements:
         self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load, self._gradient.copy())
         self.costs.count.update(
             unknowns_displacement=self.constraints.size,
-            unknowns_phase_field=self.constraints.phase_size if self._breaks else 0,
+            unknowns_phase_field=self._phase_pattern.size if self._breaks else 0,
             points=self.volume.size,
             cells=n_elements,
         )
@@ -148,30 +175,48 @@ class FiniteElements:
         if not self._breaks:
             return self.phase_field
         with self.costs.timed("phase_field"):
-            coefficients, constraints = self._coefficients, self.constraints
-            kernels.phase_field_matrices(
-                self.elements, self.shape, self.slope, self.volume,
-                coefficients.reaction(history_field.reshape(self.volume.shape)), coefficients.resistance[:, 0],
-                coefficients.diffusion[:, 0], self.nodal_phase_field, self._phase_local, self._out_of_balance,
-            )  # fmt: skip
-            equations = constraints.phase_equations
-            residual = gather_vector(equations[self.elements], self._out_of_balance, constraints.phase_size)
+            self._assemble_phase_field(history_field.reshape(self.volume.shape))
+            equations = self._phase_equations
+            residual = gather_vector(equations[self._phase_cells], self._out_of_balance, self._phase_pattern.size)
             values = self._phase_pattern.gather(self._phase_local)
             free = equations >= 0
             nodal = self.nodal_phase_field.copy()
             nodal[free] += self._phase_solver.solve(values, residual)[equations[free]]
             return self.set_phase_field(nodal)
 
+    def _assemble_phase_field(self, history_field: NDArray) -> None:
+        coefficients = self._coefficients
+        reaction, resistance = coefficients.reaction(history_field), coefficients.resistance[:, 0]
+        diffusion, bending = coefficients.diffusion[:, 0], coefficients.bending[:, 0]
+        if self._fourth_order:
+            smooth = self._smooth
+            kernels.fourth_order_matrices(
+                smooth.unknowns, smooth.value, smooth.slope, smooth.curvature, self.volume, reaction, resistance,
+                diffusion, bending, self.nodal_phase_field, self._phase_local, self._out_of_balance,
+            )  # fmt: skip
+        else:
+            kernels.phase_field_matrices(
+                self.elements, self.shape, self.slope, self.volume, reaction, resistance, diffusion,
+                self.nodal_phase_field, self._phase_local, self._out_of_balance,
+            )  # fmt: skip
+
     def set_phase_field(self, nodal: NDArray) -> NDArray:
-        """Phase field at the Gauss points for a nodal one (n_nodes,)."""
+        """Phase field at the Gauss points for given unknowns (n_unknowns,)."""
         self.nodal_phase_field = nodal
         self._map_phase_field()
         return self.phase_field.copy()
 
     def _map_phase_field(self) -> None:
-        kernels.scalar_at_points(
-            self.elements, self.shape, self.slope, self.nodal_phase_field, self._c, self._slope_squared
-        )
+        if self._fourth_order:
+            smooth = self._smooth
+            kernels.smooth_scalar_at_points(
+                smooth.unknowns, smooth.value, smooth.slope, smooth.curvature, self.nodal_phase_field,
+                self._c, self._slope_squared, self._curvature_squared,
+            )  # fmt: skip
+        else:
+            kernels.scalar_at_points(
+                self.elements, self.shape, self.slope, self.nodal_phase_field, self._c, self._slope_squared
+            )
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
@@ -281,7 +326,8 @@ class FiniteElements:
         elastic = float((self.energy_density * self.volume).sum())
         if not self._breaks:
             return elastic, 0.0
-        density = crack_density(self._c, self._slope_squared, self._coefficients.length_scale)
+        length_scale = self._coefficients.length_scale
+        density = crack_density(self._c, self._slope_squared, length_scale, self._curvature_squared)
         return elastic, float((self._coefficients.toughness * density * self.volume).sum())
 
     @property
@@ -309,8 +355,12 @@ class FiniteElements:
             grid_points=self.nodes,
             grid_cells=self.elements,
             grid_displacement=self.displacement.copy(),
-            grid_phase_field=self.nodal_phase_field.copy(),
+            grid_phase_field=self._phase_field_at_nodes(),
         )
+
+    def _phase_field_at_nodes(self) -> NDArray:
+        nodal = self.nodal_phase_field
+        return self._smooth.at_nodes(nodal) if self._fourth_order else nodal.copy()
 
     def measures(self) -> dict[str, float]:
         """Least quality of the moved elements, and errors against the exact solution where the case has one."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.boundaries import BoundarySet
+from cases.boundaries import BoundarySet, nearest_on_segment
 from cases.geometry import Circle
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.exact import MOTIONS
@@ -129,6 +129,12 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
         places = np.flatnonzero(np.abs(distance - circle.radius) <= reach)
         return places, outward[places] * (circle.radius / distance[places] - 1.0)[:, None]
 
+    def on_segment(ends: tuple[Pair, Pair]) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach the segment, held at the nearest place on it."""
+        offset = nearest_on_segment(cloud.positions, ends) - cloud.positions
+        places = np.flatnonzero((np.abs(offset) <= REACH * cloud.size).all(axis=1))
+        return places, offset[places]
+
     def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
         edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
         if edges:
@@ -140,6 +146,8 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
             return in_region(boundary.box.lower, boundary.box.upper)
         if at_edges and boundary.circle:
             return on_circle(boundary.circle)
+        if at_edges and boundary.segment:
+            return on_segment(boundary.segment)
         reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(cloud.size.prod(axis=1))
         chosen = np.flatnonzero(boundary.select(cloud.positions, reach, box))  # type: ignore[arg-type]
         return chosen, np.zeros((len(chosen), 2))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from cases import Case, CaseError
 from cases.spacing import grid_lines
@@ -182,6 +183,19 @@ class Grid:
         values = (x[:, :, None] * y[:, None, :]).reshape(len(positions), count)
         gradients = np.stack([dx[:, :, None] * y[:, None, :], x[:, :, None] * dy[:, None, :]], axis=-1)
         return values, gradients.reshape(len(positions), count, 2)
+
+    def second_derivatives(self, positions: NDArray, cells_x: NDArray, cells_y: NDArray) -> NDArray:
+        """Second derivatives xx, yy, xy (n, k, 3) at points of the functions on their cells."""
+        places, cells = [np.ascontiguousarray(positions[:, d]) for d in (0, 1)], (cells_x, cells_y)
+        (x, dx), (y, dy) = (axis.evaluate(places[d], cells[d]) for d, axis in enumerate(self.axes))
+        ddx, ddy = (axis.second_derivatives(places[d], cells[d]) for d, axis in enumerate(self.axes))
+        products = [a[:, :, None] * b[:, None, :] for a, b in ((ddx, y), (x, ddy), (dx, dy))]
+        return np.stack(products, axis=-1).reshape(len(positions), -1, 3)
+
+    def beside(self, nodes: NDArray) -> NDArray:
+        """The nodes (n,) and their neighbours in the grid."""
+        chosen = binary_dilation(np.isin(self.node_number, nodes), np.ones((3, 3), bool))
+        return np.unique(self.node_number[chosen])
 
 
 def _line_index(lines: NDArray, position: float) -> int:

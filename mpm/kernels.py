@@ -118,3 +118,48 @@ def scalar_at_points(nodes, cell, value, slope, nodal, at_points, slope_squared)
             cy += slope[p, a, 1] * phase
         at_points[p] = c
         slope_squared[p] = cx * cx + cy * cy
+
+
+@njit(cache=True, parallel=True)
+def add_curvature_terms(nodes, starts, members, curvature, volume, bending, nodal, local, rest):
+    """Add the fourth-order term of Eq. 5.37 to the systems of ``phase_field_systems``.
+
+    ``curvature`` (n_points, k, 3) are second derivatives of the basis in the material's axes, weighted so that the sum
+    of their squares is the quadratic form of gamma; ``bending`` (n_points,) is 2 Gc l0^3.
+    """
+    for e in prange(local.shape[0]):
+        for m in range(starts[e], starts[e + 1]):
+            p = members[m]
+            if bending[p] > 0.0:
+                add_point_curvature(nodes[e], curvature[p], bending[p] * volume[p], nodal, local[e], rest[e])
+
+
+@njit(cache=True)
+def add_point_curvature(nodes, curvature, weight, nodal, local, rest):
+    """Add one point's part of the fourth-order term to its cell's system: ``local`` (k (k + 1) / 2,), ``rest`` (k,)."""
+    c0 = c1 = c2 = 0.0
+    for a in range(nodes.size):
+        phase = nodal[nodes[a]]
+        c0 += curvature[a, 0] * phase
+        c1 += curvature[a, 1] * phase
+        c2 += curvature[a, 2] * phase
+    entry = 0
+    for a in range(nodes.size):
+        b0, b1, b2 = weight * curvature[a, 0], weight * curvature[a, 1], weight * curvature[a, 2]
+        rest[a] -= b0 * c0 + b1 * c1 + b2 * c2
+        for b in range(a, nodes.size):
+            local[entry] += b0 * curvature[b, 0] + b1 * curvature[b, 1] + b2 * curvature[b, 2]
+            entry += 1
+
+
+@njit(cache=True, parallel=True)
+def curvature_at_points(nodes, cell, curvature, nodal, squared):
+    """Quadratic form of gamma (n_points,) in the second derivatives of a nodal scalar."""
+    for p in prange(curvature.shape[0]):
+        c0 = c1 = c2 = 0.0
+        for a in range(curvature.shape[1]):
+            phase = nodal[nodes[cell[p], a]]
+            c0 += curvature[p, a, 0] * phase
+            c1 += curvature[p, a, 1] * phase
+            c2 += curvature[p, a, 2] * phase
+        squared[p] = c0 * c0 + c1 * c1 + c2 * c2

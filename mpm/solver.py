@@ -71,7 +71,7 @@ class MaterialPoints:
         self._tip_points = self.grid.points_at_tips(self.cloud.positions)
         self._sides = [slit.sides(self.cloud.positions) for slit in self.grid.slits]
         self.nodal_phase_field = np.where(self._phase_fixed, self._phase_value, 1.0)
-        self._c, self._slope_squared = np.ones(n_points), np.zeros(n_points)
+        self._c, self._slope_squared, self._curvature_squared = np.ones(n_points), np.zeros(n_points), np.zeros(n_points)
         self._gradient, self._stress = np.zeros((n_points, 4)), np.zeros((n_points, 3))
         self._psi = np.zeros((n_points, 2))
         self._force_scale = self._applied = self._constraint_error = 0.0
@@ -89,6 +89,14 @@ class MaterialPoints:
         self._lam, self._mu = materials.lame_lambda[body], materials.shear_modulus[body]
         self._breaks = bool(materials.breakable.any())
         self._coefficients = PhaseFieldCoefficients(materials, body)
+        self._fourth_order = bool(materials.fourth_order.any())
+        self._curvature_operator = materials.curvature[body] if self._fourth_order else np.zeros((0, 3, 3))
+
+        if self._fourth_order and self.grid.slits:
+            raise GridError(
+                f"{self.case.source}: notches: the grid is not smooth on the line of a slit, as fracture.order = 4 needs;"
+                ' use kind = "cells" or "history" instead'
+            )
 
     def _set_constraints(self) -> None:
         case, grid = self.case, self.grid
@@ -106,6 +114,8 @@ class MaterialPoints:
             if constraint.direction == "phase":
                 grid.check_edges_interpolate()
                 nodes, _ = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
+                # the slope is held at zero with the value, Eq. 5.11
+                nodes = grid.beside(nodes) if self._fourth_order else nodes
                 self._phase_fixed[nodes], self._phase_value[nodes] = True, constraint.value
 
     def _initial_history(self) -> NDArray:
@@ -156,6 +166,9 @@ class MaterialPoints:
         filling, places = self._integration(positions, intact, deformation)
         self._value, slope = self.grid.evaluate(places, *cells)
         self._slope, self._volume = self._measure_on(slope, filling, deformation)
+        if self._fourth_order:
+            second = self.grid.second_derivatives(places, *cells)
+            self._curvature = second @ self._material_axes(deformation).transpose(0, 2, 1)
         springs = self._penalties
         held = springs.places
         value, _ = self.grid.evaluate(positions[held] + springs.offset, cells[0][held], cells[1][held])
@@ -205,6 +218,12 @@ class MaterialPoints:
         if self.case.mpm.strain == "initial":
             return slope @ deformation, volume
         return slope, volume * _determinant(deformation)
+
+    def _material_axes(self, deformation: NDArray) -> NDArray:
+        """Matrices (n_points, 3, 3) from second derivatives xx, yy, xy on the grid to those that gamma weighs."""
+        if self.case.mpm.strain == "updated":
+            return self._curvature_operator
+        return self._curvature_operator @ _pulled_back(deformation)
 
     def _intact(self) -> NDArray:
         """1 for material that still holds together, falling to 0 as it tears (n_points,)."""
@@ -289,6 +308,11 @@ class MaterialPoints:
                 coefficients.reaction(history_field), coefficients.resistance, coefficients.diffusion,
                 self.nodal_phase_field, self._phase_local, self._phase_rest,
             )  # fmt: skip
+            if self._fourth_order:
+                kernels.add_curvature_terms(
+                    active.nodes, active.starts, active.members, self._curvature, self._volume, coefficients.bending,
+                    self.nodal_phase_field, self._phase_local, self._phase_rest,
+                )  # fmt: skip
             equations = self._phase_equations
             rest = gather_vector(equations[active.nodes], self._phase_rest, self._phase_pattern.size)
             # cells of the pattern that hold no points leave empty rows
@@ -309,6 +333,10 @@ class MaterialPoints:
             self._active.nodes, self._active.cell, self._value, self._slope, self.nodal_phase_field,
             self._c, self._slope_squared,
         )  # fmt: skip
+        if self._fourth_order:
+            kernels.curvature_at_points(
+                self._active.nodes, self._active.cell, self._curvature, self.nodal_phase_field, self._curvature_squared
+            )
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
@@ -469,7 +497,8 @@ class MaterialPoints:
         elastic = float(self.energy_density @ self._volume)
         if not self._breaks:
             return elastic, 0.0
-        density = crack_density(self._c, self._slope_squared, self._coefficients.length_scale)
+        length_scale = self._coefficients.length_scale
+        density = crack_density(self._c, self._slope_squared, length_scale, self._curvature_squared)
         return elastic, float((self._coefficients.toughness * density) @ self._volume)
 
     @property
@@ -510,3 +539,13 @@ class MaterialPoints:
 def _determinant(matrices: NDArray) -> NDArray:
     """Determinants (n,) of matrices (n, 2, 2)."""
     return matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
+
+
+def _pulled_back(deformation: NDArray) -> NDArray:
+    """Matrices (n, 3, 3) that take second derivatives xx, yy, xy to coordinates before a deformation F (n, 2, 2).
+
+    H -> F^T H F; that F varies in space is left out, as small strains allow.
+    """
+    (a, b), (c, d) = deformation.transpose(1, 2, 0)
+    rows = [[a * a, c * c, 2 * a * c], [b * b, d * d, 2 * b * d], [a * b, c * d, a * d + b * c]]
+    return np.array(rows).transpose(2, 0, 1)

@@ -45,6 +45,22 @@ class Axis:
         _evaluate(self.knots, self.order, self.spans[cells], positions, values, slopes)
         return values, slopes
 
+    def second_derivatives(self, positions: NDArray, cells: NDArray) -> NDArray:
+        """Second derivatives (n, order + 1) of the functions of a cell, Eq. 3.67 applied twice; zero for order 1."""
+        if self.order == 1:
+            return np.zeros((len(positions), 2))
+        spans, degree = self.spans[cells], self.order - 2
+        lower = np.empty((len(positions), degree + 1))
+        _evaluate(self.knots, degree, spans, positions, lower, np.empty_like(lower))
+        return self._derivatives(self._derivatives(lower, spans), spans)
+
+    def _derivatives(self, lower: NDArray, spans: NDArray) -> NDArray:
+        """Derivatives (n, d + 1) of functions of degree d from functions of degree d - 1, or their derivatives (n, d)."""
+        degree = lower.shape[1]
+        first = (spans - degree)[:, None] + np.arange(1, degree + 1)
+        parts = degree * lower / (self.knots[first + degree] - self.knots[first])
+        return np.pad(parts, ((0, 0), (1, 0))) - np.pad(parts, ((0, 0), (0, 1)))
+
     def greville(self) -> NDArray:
         """Greville abscissae (n_functions,): where each control value belongs."""
         windows = np.lib.stride_tricks.sliding_window_view(self.knots[1:-1], self.order)

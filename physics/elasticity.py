@@ -6,6 +6,8 @@ import numpy as np
 
 from cases import Case
 
+from .surface_energy import curvature_operator
+
 
 def in_plane_first_lame(lame_lambda: float, shear_modulus: float, assumption: str) -> float:
     """First Lamé constant that acts on in-plane strains [stress].
@@ -22,7 +24,8 @@ class MaterialTable:
     """Material constants of each body, as arrays indexed by body number (order of ``case.bodies``).
 
     ``lame_lambda`` is the in-plane constant; bodies that cannot break have ``breakable`` False and
-    harmless placeholders for toughness and length scale; a static case may give no density.
+    harmless placeholders for toughness and length scale; a static case may give no density. ``curvature``
+    (n_bodies, 3, 3) are the operators of `curvature_operator`, zero but where ``fourth_order``.
     """
 
     def __init__(self, case: Case) -> None:
@@ -36,6 +39,8 @@ class MaterialTable:
         self.toughness = np.array([f.toughness if f else 1.0 for f in fractures])
         self.length_scale = np.array([f.length_scale if f else 1.0 for f in fractures])
         self.residual_stiffness = np.array([f.residual_stiffness if f else 0.0 for f in fractures])
+        self.fourth_order = np.array([f is not None and f.order == 4 for f in fractures])
+        self.curvature = np.array([curvature_operator(f) for f in fractures])
         self.split = np.array([SPLIT_CODES[f.split] if f else SPLIT_CODES["none"] for f in fractures])
 
 

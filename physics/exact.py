@@ -12,6 +12,7 @@ from cases import Case
 
 from . import exact_motion
 from .elasticity import MaterialTable
+from .surface_energy import SurfaceEnergy, profile
 
 #: a vector or scalar field: (case, points (n, 2), load) -> (n, 2) or (n,)
 Field = Callable[[Case, NDArray, float], NDArray]
@@ -76,17 +77,23 @@ def _sine_body_force(case: Case, points: NDArray, load: float) -> NDArray:
     return -np.column_stack([bx, by])
 
 
-def _at2_profile(case: Case, points: NDArray, load: float) -> NDArray:
-    """c = 1 - exp(-x / (2 l0)) beside a crack at x = 0, the end of the bar far away."""
-    length_scale = _first_material(case).fracture.length_scale
-    return 1.0 - np.exp(-np.abs(points[:, 0]) / (2.0 * length_scale))
+#: direction of a crack along y
+_UPRIGHT = 0.5 * np.pi
 
 
-def _at2_energy(case: Case) -> float:
-    """Half of a crack's energy: Gc / 2 times its area (the bar's depth times thickness)."""
+def _crack_profile(case: Case, points: NDArray, load: float) -> NDArray:
+    """Phase field beside a crack at x = 0, the end of the bar far away: c = 1 - exp(-x / (2 l0)), or that of order 4."""
+    fracture = _first_material(case).fracture
+    gamma = float(SurfaceEnergy.of(fracture).directional_gamma(_UPRIGHT))
+    return profile(points[:, 0] / fracture.length_scale, gamma)[0]
+
+
+def _crack_energy(case: Case) -> float:
+    """Half of a crack's energy: half its surface energy times its area (the bar's depth times thickness)."""
     lower, upper = case.bounding_box()
     depth = upper[1] - lower[1]
-    return 0.5 * _first_material(case).fracture.toughness * depth * case.plane.thickness
+    energy = float(SurfaceEnergy.of(_first_material(case).fracture).energy(_UPRIGHT))
+    return 0.5 * energy * depth * case.plane.thickness
 
 
 def _bar_strain(case: Case, load: float) -> float:
@@ -111,7 +118,7 @@ def _bar_force(case: Case, load: float) -> float:
 
 SOLUTIONS: dict[str, ExactSolution] = {
     "elastic_sine": ExactSolution(displacement=_sine_displacement, body_force=_sine_body_force),
-    "at2_profile": ExactSolution(phase_field=_at2_profile, fracture_energy=_at2_energy),
+    "crack_profile": ExactSolution(phase_field=_crack_profile, fracture_energy=_crack_energy),
     "homogeneous_bar": ExactSolution(force=_bar_force, phase_field_minimum=_bar_phase_field),
     "vibrating_bar": ExactSolution(velocity=exact_motion.bar_velocity, values={"period": exact_motion.bar_period}),
     "spinning_disc": ExactSolution(

@@ -1,9 +1,11 @@
-"""Degradation, crack density and the history field of the second-order phase field (thesis 2.6.2).
+"""Degradation, crack density and the history field of the phase field (thesis 2.6.2 and 5.2).
 
 The phase field c is 1 where the material is intact and 0 where it is broken. Solvers use the variational
 form of Eq. 2.58, weighted by Gc / (2 l0), so that bodies of different toughness can meet:
 
-    [2 (1 - k_f) H + Gc / (2 l0)] c  -  div(2 Gc l0 grad c)  =  Gc / (2 l0)
+    [2 (1 - k_f) H + Gc / (2 l0)] c  -  div(2 Gc l0 grad c)  +  2 Gc l0^3 gamma_ijkl c,ijkl  =  Gc / (2 l0)
+
+whose last term on the left is that of materials of order 4 alone.
 """
 
 from __future__ import annotations
@@ -24,9 +26,15 @@ def degradation(phase_field: NDArray, residual_stiffness: NDArray | float) -> ND
     return (1.0 - residual_stiffness) * phase_field**2 + residual_stiffness
 
 
-def crack_density(phase_field: NDArray, gradient_squared: NDArray, length_scale: NDArray) -> NDArray:
-    """Z_c = (c - 1)^2 / (4 l0) + l0 |grad c|^2 [1/length], Eq. 2.46."""
-    return (phase_field - 1.0) ** 2 / (4.0 * length_scale) + length_scale * gradient_squared
+def crack_density(
+    phase_field: NDArray, gradient_squared: NDArray, length_scale: NDArray, curvature_squared: NDArray | float = 0.0
+) -> NDArray:
+    """Z_c = (c - 1)^2 / (4 l0) + l0 |grad c|^2 + l0^3 gamma_ijkl c,ij c,kl [1/length], Eqs. 2.46 and 5.3.
+
+    ``curvature_squared`` (n,) is the quadratic form gamma_ijkl c,ij c,kl [1/length^4].
+    """
+    density = (phase_field - 1.0) ** 2 / (4.0 * length_scale) + length_scale * gradient_squared
+    return density + length_scale**3 * curvature_squared
 
 
 def update_history(committed: NDArray, tensile_energy: NDArray) -> NDArray:
@@ -44,6 +52,7 @@ class PhaseFieldCoefficients:
         self.drive = np.where(materials.breakable[body], 2.0 * (1.0 - self.residual_stiffness), 0.0)
         self.resistance = self.toughness / (2.0 * self.length_scale)
         self.diffusion = 2.0 * self.toughness * self.length_scale
+        self.bending = np.where(materials.fourth_order[body], 2.0 * self.toughness * self.length_scale**3, 0.0)
 
     def reaction(self, history_field: NDArray) -> NDArray:
         """Factor of c in the equation [stress], from the history field (n,) [stress]."""

@@ -12,16 +12,21 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from . import curves, fields, film, motion, scene, style, sweeps, tables, words
+from . import curves, fields, film, motion, orientations, scene, style, surface, sweeps, tables, words
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    import pandas as pd
+
+    from cases import Case
+
 logger = logging.getLogger(__name__)
 
 # Sections of a case's page in reading order, with what draws them.
 SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
+    ("Surface energy", surface.surface_energy),
     ("Load and displacement", curves.load_displacement),
     ("Relative error", curves.relative_errors),
     ("Energies", curves.energies),
@@ -32,6 +37,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Hydrostatic stress", fields.hydrostatic_stress),
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
+    ("Critical load over orientation", orientations.critical_load),
 )
 # The same for a case whose bodies move.
 MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
@@ -215,3 +221,16 @@ def _computed_with(pages: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
             if value is not None:
                 found.setdefault(name, {})[str(value)] = None
     return [(name, ", ".join(values)) for name, values in found.items()]
+
+
+# ---------------------------------------------------------------- before anything is solved
+
+
+def write_surface(case: Case, out: Path) -> pd.DataFrame:
+    """Draw the surface energy of a case's materials into ``out/surface/<case>``; return its extremes."""
+    folder = Path(out) / "surface" / style.slug(case.name)
+    table = surface.extremes(surface.surfaces(case, surface.SIZE))
+    with style.drawing_style():
+        surface.draw(case, folder)
+    style.save_data(table, folder, "extremes")
+    return table

@@ -64,6 +64,8 @@ def place_in_words(case: Case, boundary: str) -> str:
         return f"point {_pair(chosen.point)} {unit}"
     if chosen.circle:
         return f"circle around {_pair(chosen.circle.centre)}, radius {number(chosen.circle.radius)} {unit}"
+    if chosen.segment:
+        return f"segment from {_pair(chosen.segment[0])} to {_pair(chosen.segment[1])} {unit}"
     return f"{listed(chosen.edges or [str(chosen.edge)])} of the bounding box"
 
 
@@ -151,6 +153,8 @@ def _middle_of(case: Case, boundary: str) -> np.ndarray:
     chosen = case.boundaries[boundary]
     if chosen.box:
         return (np.asarray(chosen.box.lower) + np.asarray(chosen.box.upper)) / 2
+    if chosen.segment:
+        return np.mean(chosen.segment, axis=0)
     return np.asarray(chosen.circle.centre if chosen.circle else chosen.point, dtype=float)
 
 
@@ -185,6 +189,8 @@ def _draw_place(axes: Axes, chosen: Any) -> None:
         axes.add_patch(
             Circle(chosen.circle.centre, chosen.circle.radius, fill=False, edgecolor=MOVED, linewidth=1.2)
         )
+    if chosen.segment:
+        axes.plot(*np.transpose(chosen.segment), color=MOVED, linewidth=1.2)
     if chosen.point:
         axes.plot(*chosen.point, "o", color=style.INK, markersize=4, zorder=5)
 

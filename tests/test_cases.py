@@ -308,11 +308,12 @@ SELECTIONS = [
     ({"box": {"lower": [0, 0], "upper": [1, 0]}}, [True, False, True, False, False]),
     ({"point": [1, 1]}, [False, False, False, True, False]),
     ({"circle": {"centre": [0, 0], "radius": 1}}, [False, True, True, False, False]),
+    ({"segment": [[0, 0], [0.7, 0.7]]}, [True, False, False, False, True]),
 ]
 
 
 @pytest.mark.parametrize(
-    ("description", "expected"), SELECTIONS, ids=["edge", "edges", "box", "point", "circle"]
+    ("description", "expected"), SELECTIONS, ids=["edge", "edges", "box", "point", "circle", "segment"]
 )
 def test_selections_of_boundary_sets(description: dict[str, Any], expected: list[bool]) -> None:
     points = [[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.5]]

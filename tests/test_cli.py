@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import fake_solver
+import pandas as pd
 import pytest
 
 from verify import cli
@@ -168,7 +169,7 @@ def test_accept_then_compare_is_within(tmp_path: Path, options: tuple[str, ...])
 
 
 @pytest.mark.parametrize(
-    "command", ["list", "validate", "plan", "run", "compare", "report", "accept", "schema"]
+    "command", ["list", "validate", "plan", "surface", "run", "compare", "report", "accept", "schema"]
 )
 def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert verify(command, "--help") == 0
@@ -193,6 +194,18 @@ def test_plan_prints_sizes_before_anything_runs(tmp_path: Path, capsys: pytest.C
     assert verify("plan", case, "--tier", "quick", "--run", "fem") == 0
     said = capsys.readouterr().out
     assert "25" in said and "72 of u, 36 of c" in said and "11 or more" in said
+
+
+def test_surface_energy_is_drawn_before_anything_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert verify("surface", "square_plate_anisotropic", "--out", str(tmp_path)) == 0
+    assert "1.1575" in capsys.readouterr().out
+    folder = tmp_path / "surface" / "square_plate_anisotropic"
+    for name in ("surface-energy", "surface-stiffness", "surface-profiles"):
+        assert (folder / f"{name}.svg").is_file()
+    table = pd.read_csv(folder / "extremes.csv")
+    assert list(table["least"]) == pytest.approx([0.7071, 0.7071], abs=1e-4)
+    assert verify("surface", "cantilever", "--out", str(tmp_path)) == 3
+    assert "no material has a table 'fracture'" in capsys.readouterr().err
 
 
 def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:

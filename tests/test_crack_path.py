@@ -132,7 +132,9 @@ def test_notch_in_the_phase_field_is_not_traced():
     points, notch = POINTS["gauss"], np.array([[0.0, 0.5], [0.5, 0.5]])
     line = np.array([[0.5, 0.5], [0.62, 0.56]])
     case = SimpleNamespace(
-        notches=[SimpleNamespace(kind="history", start=notch[0], end=notch[1])], mesh=SimpleNamespace(h=H)
+        notches=[SimpleNamespace(kind="history", start=notch[0], end=notch[1])],
+        mesh=SimpleNamespace(h=H),
+        materials={},
     )
     fields = SimpleNamespace(reference=points, phase_field=profile(points, notch, line))
     found = crack_path(fields, case)

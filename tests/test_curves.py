@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cases.material import Fracture
 from verify.curves import (
     Curve,
     CurveError,
@@ -287,6 +288,33 @@ def test_metrics_of_a_run():
     assert METRICS["crack_angle"](run) == pytest.approx(np.degrees(np.arctan2(4, 3)))
     assert METRICS["tip_y"](run) == pytest.approx(4.0)
     assert METRICS["constraint_error"](run) == find_metric("measure:constraint_error")(run) == 1e-3
+
+
+def test_crack_angle_in_a_layer_leaves_the_other_layers_out():
+    run = run_of(curve(), path=[(0.0, 0.0), (1.0, 1.0), (0.0, 3.0)])
+    assert METRICS["crack_angle_in_layer"](run, lower=0.1, upper=0.9) == pytest.approx(45.0, abs=0.1)
+    slope = np.degrees(np.arctan2(2.0, -1.0))
+    assert METRICS["crack_angle_in_layer"](run, lower=1.1, upper=2.9) == pytest.approx(slope, abs=0.1)
+    with pytest.raises(MetricError, match="no crack between y = 4 and 5"):
+        METRICS["crack_angle_in_layer"](run, lower=4.0, upper=5.0)
+
+
+def test_crack_turn_is_what_is_missing_of_the_turn():
+    reference = run_of(curve(), path=[(0.0, 0.0), (-1.0, 0.01)])
+    run = run_of(curve(), path=[(0.0, 0.0), (-1.0, -1.0)])
+    missing = PAIR_METRICS["crack_turn"](run, reference, by=44.0)
+    assert missing == pytest.approx(1.0 + np.degrees(np.arctan(0.01)), abs=1e-6)
+
+
+def test_surface_energy_of_a_run_is_that_of_its_material():
+    run = run_of(curve())
+    cubic = {"gamma_1111": 1.0, "gamma_2222": 1.0, "gamma_1212": 74.0}
+    fracture = Fracture(toughness=0.5, length_scale=1.0, order=4, gamma=cubic)
+    run.case.materials = {"solid": SimpleNamespace(fracture=fracture), "rigid": SimpleNamespace(fracture=None)}
+    assert METRICS["least_surface_energy"](run) == pytest.approx(0.5 * np.sqrt(2.0))
+    assert METRICS["largest_surface_energy"](run, material="solid") == pytest.approx(1.1575, abs=1e-4)
+    with pytest.raises(MetricError, match="'rigid' cannot break"):
+        METRICS["largest_surface_energy"](run, material="rigid")
 
 
 def test_energy_balance_sees_lost_work():

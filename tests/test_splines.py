@@ -38,6 +38,19 @@ def test_slopes_are_derivatives(order):
     assert np.allclose(assembled(axis, coefficients, away)[1], (ahead - behind) / (2 * step), atol=1e-6)
 
 
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("repeats", [{}, {2: 2}])
+def test_second_derivatives_are_derivatives_of_the_slopes(order, repeats):
+    axis, step = Axis(LINES, order, repeats), 1e-6
+    coefficients = np.random.default_rng(3).random(axis.n_functions)
+    away = PLACES[np.abs(PLACES[:, None] - LINES).min(1) > 2 * step]
+    cells = axis.locate(away)
+    functions = (axis.spans[cells] - order)[:, None] + np.arange(order + 1)
+    second = (axis.second_derivatives(away, cells) * coefficients[functions]).sum(1)
+    ahead, behind = (assembled(axis, coefficients, away + s)[1] for s in (step, -step))
+    assert np.allclose(second, (ahead - behind) / (2 * step), rtol=1e-5, atol=1e-4)
+
+
 def test_the_functions_of_a_cell_go_on_beyond_it_as_polynomials():
     axis = Axis(LINES, 1)
     values, _ = axis.evaluate(np.array([0.62]), np.array([3]))

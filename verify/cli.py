@@ -1,4 +1,4 @@
-"""The command line: list, validate, plan, run, compare, report, accept, schema.
+"""The command line: list, validate, plan, surface, run, compare, report, accept, schema.
 
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked.
 """
@@ -165,6 +165,30 @@ def _plan_table(planned: Any) -> Table:
     for saving in planned.savings:
         table.add_row(saving.name, f"{'on' if saving.used else 'off'}: {saving.effect}")
     return table
+
+
+@app.command()
+def surface(case: CaseArgument, tier: TierOption = "standard", out: OutOption = DEFAULT_OUT) -> None:
+    """Draw the surface energy of a case's materials over direction, without running the case.
+
+    Writes polar plots, surface stiffness and profiles as SVG with the CSV behind them.
+
+    Example: `verify surface square_plate_anisotropic`
+    """
+    from reports import write_surface
+
+    loaded = load_case(case, tier)
+    if not loaded.fracture_enabled:
+        raise CaseError(f"{loaded.source}: no material has a table 'fracture', so there is no surface energy; add one.")
+    unit = loaded.units.label("toughness")
+    table = Table("material", "order", f"least [{unit}]", "at [°]", f"largest [{unit}]", "at [°]", "forbidden [°]")
+    for row in write_surface(loaded, out).to_dict("records"):
+        least = (f"{row['least']:.5g}", f"{row['theta_least']:.1f}")
+        largest = (f"{row['largest']:.5g}", f"{row['theta_largest']:.1f}")
+        table.add_row(row["material"], str(row["order"]), *least, *largest, row["forbidden"])
+    console = _console()
+    console.print(table)
+    console.print(f"Figures and data: {out / 'surface' / loaded.name}", highlight=False)
 
 
 @app.command()

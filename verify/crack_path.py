@@ -30,6 +30,8 @@ Field = Callable[[Array], Array]
 
 PIXELS_PER_CELL = 4
 SUPPORT = 1.5  # farther from every point than a cell and this many of its spacings is outside the bodies
+CELLS_OF_REACH = 4.0  # within so many cells of a notch's end a path begins at the end
+WIDTH_OF_FOURTH_ORDER = 5.0  # in units of l0, where across a notch c rises above the threshold, γ_θ up to about 6
 EQUAL_SHARE = 0.2  # of the largest piece's area: pieces above it are rivals, the one nearest the start wins
 
 
@@ -57,12 +59,19 @@ def crack_path(fields: Fields, case: Case) -> Array:
 
 def trace_case_crack(points: ArrayLike, phase_field: ArrayLike, case: Case) -> CrackPath:
     """``trace_crack`` with the cell size and, where there is one notch, the start that the case states."""
-    start, notch = None, None
+    start, notch, reach = None, None, None
     if len(case.notches) == 1:
         only = case.notches[0]
         start = np.asarray(only.end, dtype=float)
         notch = np.array([only.start, only.end], dtype=float) if only.kind == "history" else None
-    return trace_crack(points, phase_field, case.mesh.h, start=start, notch=notch)
+        reach = max(CELLS_OF_REACH * case.mesh.h, _width_of_fourth_order(case)) if notch is not None else None
+    return trace_crack(points, phase_field, case.mesh.h, start=start, notch=notch, reach=reach)
+
+
+def _width_of_fourth_order(case: Case) -> float:
+    """How far from a history notch a phase field of fourth order is taken for the notch's own; 0 without one."""
+    fractures = [material.fracture for material in case.materials.values() if material.fracture]
+    return WIDTH_OF_FOURTH_ORDER * max((f.length_scale for f in fractures if f.order == 4), default=0.0)
 
 
 def trace_crack(
@@ -90,7 +99,7 @@ def trace_crack(
     branched crack the longest path is returned. A broken spot no longer than it is wide counts as no crack.
     """
     start = None if start is None else np.asarray(start, dtype=float)
-    reach = 4.0 * h if reach is None else reach
+    reach = CELLS_OF_REACH * h if reach is None else reach
     found = _skeleton_of(points, phase_field, h, threshold, start, notch, reach)
     if found is None:
         return NO_CRACK
@@ -120,7 +129,7 @@ def trace_tree(
     Arguments as for ``trace_crack``; branches that leave the others by less than ``shortest`` half widths are bulges.
     """
     start = None if start is None else np.asarray(start, dtype=float)
-    reach = 4.0 * h
+    reach = CELLS_OF_REACH * h
     found = _skeleton_of(points, phase_field, h, threshold, start, notch, reach)
     if found is None:
         return []

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from physics.surface_energy import SurfaceEnergy
 from verify import crack_path as paths
 from verify import curves, dynamics, running_cracks
 from verify.curves import Array, Curve, CurveComparison
@@ -155,6 +156,16 @@ def _of_crack(function: Callable[[Array], float]) -> Callable[[RunData], float]:
     return value
 
 
+def crack_angle_in_layer(run: RunData, *, lower: float, upper: float) -> float:
+    """Direction of the part of the crack between two heights y [length]: degrees from the x axis, 0 to 180."""
+    path = _crack(run)
+    even = paths.resample(path, paths.path_length(path) / 400)
+    part = even[(even[:, 1] >= lower) & (even[:, 1] <= upper)]
+    if len(part) < 3:
+        raise MetricError(f"run {run.info.get('run', '')}: no crack between y = {lower:g} and {upper:g}; load it further")
+    return paths.path_angle(part) % 180.0
+
+
 def crack_length(run: RunData) -> float:
     """Length of the crack path, 0 where nothing broke."""
     return paths.path_length(np.asarray(run.crack_path, dtype=float).reshape(-1, 2))
@@ -201,6 +212,19 @@ def _tip(reference: Array, phase_field: Array, case: Case) -> Array:
     return np.asarray(case.notches[0].end, dtype=float)
 
 
+def _surface_energy_extreme(which: int) -> Callable[..., float]:
+    def value(run: RunData, *, material: str = "") -> float:
+        """Of the material that is named, or of the first one."""
+        name = material or next(iter(run.case.materials))
+        described = run.case.materials.get(name)
+        if described is None or described.fracture is None:
+            known = ", ".join(run.case.materials)
+            raise MetricError(f"metric surface_energy: material {name!r} cannot break; choose one of {known}")
+        return SurfaceEnergy.of(described.fracture).extremes()[which][0]
+
+    return value
+
+
 def measure(run: RunData, *, name: str) -> float:
     """A scalar that the solver itself measured (``measures`` of run.json)."""
     value = run.info.get("measures", {}).get(name)
@@ -230,6 +254,12 @@ def _of_paths(function: Callable[[Array, Array], float], over_h: bool = False) -
         return function(_crack(run), _crack(reference)) / (run.case.mesh.h if over_h else 1.0)
 
     return value
+
+
+def crack_turn(run: RunData, reference: RunData, *, by: float) -> float:
+    """Angle between the cracks of two runs less the angle that it should be, both in degrees, counter-clockwise."""
+    angle = paths.path_angle(_crack(run)) - paths.path_angle(_crack(reference)) - by
+    return (angle + 180.0) % 360.0 - 180.0
 
 
 # --- sweeps ---------------------------------------------------------------------------------------
@@ -318,6 +348,7 @@ METRICS = _registry(
     Metric("energy_release_rate", "toughness", "J-integral around the tip", mean_energy_release_rate),
     Metric("crack_length", "length", "length of the crack path", crack_length),
     Metric("crack_angle", "degree", "overall direction of the crack path", _of_crack(paths.path_angle)),
+    Metric("crack_angle_in_layer", "degree", "direction of the crack in a layer", crack_angle_in_layer),
     Metric("tip_x", "length", "x of the crack tip", _of_crack(lambda path: paths.tip_position(path)[0])),
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
     Metric("initiation_time", "time", "when the crack set out", running_cracks.initiation_time),
@@ -335,6 +366,12 @@ METRICS = _registry(
     Metric("asymmetry", "number", "largest difference from the mirror image", running_cracks.asymmetry),
     Metric("fracture_energy_gain", "energy", "fracture energy since a time", running_cracks.fracture_energy_gain),
     Metric("phase_field_share", "number", "share of time that the phase field took", running_cracks.phase_field_share),
+    Metric(
+        "least_surface_energy", "toughness", "least energy of a crack over its directions", _surface_energy_extreme(0)
+    ),
+    Metric(
+        "largest_surface_energy", "toughness", "largest energy of a crack over its directions", _surface_energy_extreme(1)
+    ),
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
     Metric("period", "time", "mean period of an oscillation", dynamics.period),
     Metric("period_error", "number", "relative error of the vibrating bar's period", dynamics.period_error),
@@ -386,6 +423,7 @@ PAIR_METRICS = _registry(
         "largest difference of a column of the history, over its largest value",
         running_cracks.history_difference,
     ),
+    Metric("crack_turn", "degree", "angle between two cracks less the one that it should be", crack_turn),
     Metric("path_hausdorff", "length", "largest distance of the crack paths", _of_paths(paths.hausdorff)),
     Metric("path_mean_distance", "length", "mean distance of crack paths", _of_paths(paths.mean_distance)),
     Metric(

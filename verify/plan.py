@@ -64,6 +64,7 @@ def plan(case: Case, run_name: str) -> Plan:
     triangles = solver == "fem" and case.mesh.element == "triangle"
     cells = int(filled.sum()) * (2 if triangles else 1)
     functions = int(_active_functions(filled, order).sum())
+    smooth = solver == "fem" and fourth_order(case)
     points = cells * _points_per_cell(case, solver, triangles)
     breakable = case.fracture_enabled
     staggered = breakable and case.staggered.scheme == "converged" and not case.dynamics
@@ -81,7 +82,7 @@ def plan(case: Case, run_name: str) -> Plan:
         cells=cells,
         points=points,
         unknowns_displacement=unknowns,
-        unknowns_phase_field=functions if breakable else 0,
+        unknowns_phase_field=(4 if smooth else 1) * functions if breakable else 0,
         increments=steps,
         adaptive=case.load.adaptive and not case.dynamics,
         iterations=iterations,
@@ -89,6 +90,11 @@ def plan(case: Case, run_name: str) -> Plan:
         seconds=steps * (points / POINT_STEPS_PER_SECOND if case.dynamics else implicit),
         savings=(_grading(case, cells, triangles), _no_phase_field(breakable)),
     )
+
+
+def fourth_order(case: Case) -> bool:
+    """Some body has a phase field of fourth order."""
+    return any((f := case.materials[body.material].fracture) and f.order == 4 for body in case.bodies.values())
 
 
 def filled_cells(case: Case, x_lines: np.ndarray, y_lines: np.ndarray) -> np.ndarray:
@@ -124,12 +130,16 @@ def _active_functions(filled: np.ndarray, order: int) -> np.ndarray:
 def _points_per_cell(case: Case, solver: str, triangles: bool) -> int:
     if solver == "mpm":
         return int(case.mpm.points_per_cell) ** 2
+    if fourth_order(case):
+        return 9
     return 3 if triangles else 4
 
 
 def _basis(case: Case, solver: str, triangles: bool) -> str:
     if solver == "mpm":
         return f"B-splines of order {case.mpm.order}, points placed {case.mpm.placement}"
+    if fourth_order(case):
+        return "bilinear quads, 3 x 3 Gauss points; phase field on Bogner-Fox-Schmit quads"
     return "linear triangles, 3 Gauss points" if triangles else "bilinear quads, 2 x 2 Gauss points"
 
 

@@ -1,0 +1,64 @@
+"""Figure of sweeps over the material's orientation: critical load over orientation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from . import style
+from .curves import peak_row
+from .words import listed, number
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .results import CaseResults
+
+KEY = "orientation"
+
+
+def critical_load_table(results: CaseResults) -> pd.DataFrame:
+    """Peak force of each run of a sweep over an orientation: columns family, solver, orientation, peak_force."""
+    specs = results.case.run_specs() if results.case else {}
+    rows = []
+    for run in results.shown_runs():
+        spec = specs.get(run.name)
+        swept = {key.rpartition(".")[2]: value for key, value in (spec.sweep_values if spec else {}).items()}
+        if spec and list(swept) == [KEY]:
+            rows.append((spec.family, run.solver, float(swept[KEY]), float(peak_row(run.history)["F"])))
+    return pd.DataFrame(rows, columns=["family", "solver", KEY, "peak_force"])
+
+
+def critical_load(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the peak force over the material's orientation, a line for each family; None without two orientations."""
+    table = critical_load_table(results)
+    if table[KEY].nunique() < 2:
+        return None
+    figure = style.Figure(figsize=(6.4, 3.8))
+    axes = style.curve_axes(figure, "material orientation [°]", f"critical load [{results.unit('force')}]")
+    colours = style.colours_of(list(dict.fromkeys(table["family"])))
+    for family, part in table.groupby("family", sort=False):
+        row = part.sort_values(KEY)
+        line = style.LINE_OF_SOLVER.get(str(row["solver"].iloc[0]), "-.")
+        axes.plot(row[KEY], row["peak_force"], line, marker="o", markersize=4, color=colours[str(family)], label=family)
+    axes.legend()
+    name = "critical-load-over-orientation"
+    return style.Drawing(
+        name, "Critical load over material orientation", _symmetry_in_words(table),
+        style.save(figure, folder, name), style.save_data(table, folder, name),
+    )  # fmt: skip
+
+
+def _symmetry_in_words(table: pd.DataFrame) -> str:
+    """How far the critical loads at an orientation and at the opposite one differ."""
+    said = []
+    for family, part in table.groupby("family", sort=False):
+        loads = part.set_index(KEY)["peak_force"]
+        pairs = [angle for angle in loads.index if angle > 0 and -angle in loads.index]
+        if pairs:
+            miss = max(abs(loads[angle] / loads[-angle] - 1.0) for angle in pairs)
+            said.append(f"{number(100 * float(np.round(miss, 6)), 2)} % ({family})")
+    symmetry = f" Largest difference between an orientation and its opposite: {listed(said)}." if said else ""
+    return "Largest reaction force over the orientation of the material's axis 1, counter-clockwise." + symmetry
