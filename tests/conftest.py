@@ -28,7 +28,8 @@ def variant() -> Callable[..., Case]:
     def build(name: str, run: str = "mpm", **changes: Any) -> Case:
         source = LIBRARY / name / "case.toml"
         tables = tomllib.loads(source.read_text(encoding="utf-8"))
-        plain = merged({**tables, "tiers": {}, "checks": [], "charts": {}, "maps": {}, "runs": {run: {"solver": run}}}, changes)
+        nothing: dict[str, Any] = {"tiers": {}, "checks": [], "charts": {}, "maps": {}}
+        plain = merged({**tables, **nothing, "runs": {run: {"solver": run}}}, changes)
         return case_from_tables(plain, tier="standard", run=run, name=name, source=source)
 
     return build
