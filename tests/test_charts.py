@@ -143,10 +143,10 @@ def test_finished_levels_are_used_again_and_repeats_are_added(
     out = tmp_path / "out"
     shutil.copytree(finished / "out", out)
     case = load_case(finished / "square" / "case.toml", "quick")
-    monkeypatch.setattr(running, "solver_increments", fake_solver.stopping_at(0, AssertionError("a solver ran")))
+    monkeypatch.setattr(running, "solver_records", fake_solver.stopping_at(0, AssertionError("a solver ran")))
     (again,) = make_charts(case, Options(out))
     assert again.read_text() == chart.read_text()
-    monkeypatch.setattr(running, "solver_increments", fake_solver.fake_increments)
+    monkeypatch.setattr(running, "solver_records", fake_solver.fake_increments)
     (again,) = make_charts(case, Options(out), repeats=2)
     assert (pd.read_csv(again)["repeats"] == 2).all()
 
@@ -154,7 +154,7 @@ def test_finished_levels_are_used_again_and_repeats_are_added(
 def test_a_level_that_fails_stays_in_the_table(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "solver_increments", failing_at(0.25))
+    monkeypatch.setattr(running, "solver_records", failing_at(0.25))
     (file,) = make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
     failed = pd.read_csv(file).query("at == 0.25")
     assert (failed["status"] == "no_convergence").all() and failed["error"].isna().all()
