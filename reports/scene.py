@@ -127,12 +127,15 @@ def outline_samples(case: Case) -> tuple[np.ndarray, np.ndarray]:
 def sides_of(case: Case, boundary: str, samples: tuple[np.ndarray, np.ndarray]) -> list[Side]:
     """Return the stretches of outline that belong to a boundary set, one for each outward direction.
 
-    A set that touches no outline (a point or a box inside a body) gives one place at its middle.
+    A set that touches no outline (a point or a box inside a body) gives one place at its middle, a circle its top.
     """
     places, normals = samples
     lower, upper = case.bounding_box()
     chosen = case.boundaries[boundary]
     on_set = chosen.select(places, 2e-3 * float((upper - lower).max()), (lower, upper))
+    if chosen.circle:
+        top = np.array([chosen.circle.centre[0], chosen.circle.centre[1] + chosen.circle.radius])
+        return [Side(top[None, :], np.array([0.0, 1.0]))]
     if chosen.point or not on_set.any():
         middle = _middle_of(case, boundary)
         outward = np.array([0.0, 1.0 if middle[1] >= (lower + upper)[1] / 2 else -1.0])
