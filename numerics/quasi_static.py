@@ -172,8 +172,7 @@ class _LoadPath:
             load = target if left < 1e-9 * self.length else round(self.load + direction * size, self.digits)
             smallest = size <= self.case.load.smallest * 1.001
             outcome, problem = self._try(load, smallest)
-            following = self.discretisation if isinstance(self.discretisation, FollowingDiscretisation) else None
-            if not problem and following and following.refine():
+            if not problem and self._refine():
                 continue
             if not problem:
                 return self._grow_and_accept(load, outcome)
@@ -193,14 +192,25 @@ class _LoadPath:
         except (NewtonError, LinearSolverError) as error:
             outcome, load = StepOutcome("stalled", self.discretisation.history_field, 0, str(error)), start
         self.discretisation.costs.count["dissipation_increments"] += 1
+        if not outcome.reason and self._refine():
+            return self._advance_by_dissipation(target)
         rise = (load - start) * np.sign(target - start)
         self.controlled = rise < self.increment
-        if outcome.reason or rise > abs(target - start):
+        if outcome.reason:
             self.discretisation.undo()
-            return self._report_failure(outcome.reason) if outcome.reason else self._advance(target)
+            return self._report_failure(outcome.reason)
+        if rise > abs(target - start):
+            # the path ends before the advance is paid: the load leads to its end
+            self.discretisation.undo()
+            self.dissipative = self.controlled = False
+            return self._advance(target)
         self.done = max(self.done, abs(load - self.case.load.path[0]))
         broken = self._broken(self.discretisation.reaction_force())
         return self._accept(load, outcome, "broken_through" if broken else self._status())
+
+    def _refine(self) -> bool:
+        """Whether the crack has left the fine cells: then there are more, and the last good state is on them."""
+        return isinstance(self.discretisation, FollowingDiscretisation) and self.discretisation.refine()
 
     def _prologue(self, target: float) -> Increment:
         """The stretch on which nothing breaks, in one increment."""

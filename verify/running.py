@@ -237,13 +237,13 @@ class _Attempt:
 
     def _march(self, discretisation: Discretisation) -> None:
         started = time.perf_counter() - (self.after.record.seconds if self.after else 0.0)
-        seconds = discretisation.costs.seconds
-        processor = seconds["processor"] - time.process_time()
+        processor = discretisation.costs.seconds["processor"] - time.process_time()
         behind = (self.after.record,) if self.after else ()
         done = self.after.record.u if self.after else -math.inf
         frames = FrameWriter(self.writer.partial / "frames", self.case.frame_times, done)
         for record in solver_records(discretisation, self.case, *behind):
-            seconds["processor"] = processor + time.process_time()
+            # a grid that is refined on the way has a new account
+            discretisation.costs.seconds["processor"] = processor + time.process_time()
             if record.is_last:
                 self.status, self.reason = record.status, record.reason
             if record.is_good:
