@@ -31,6 +31,7 @@ from verify.studies import (
     Variation,
     announce,
     check_of,
+    chosen_tables,
     counted_work,
     finished_run,
     forecast,
@@ -69,7 +70,7 @@ def make_charts(
     ------
     StudyError : no such chart, or a chart asks for what cannot be evaluated. CaseError : a level is no valid case.
     """
-    studies = [ChartStudy(case, name, options) for name in _chosen(case, names)]
+    studies = [ChartStudy(case, name, options) for name in chosen_tables(case, "charts", names)]
     todo = [job for study in studies for job in study.jobs()]
     warning = announce(_forecast(todo, options, repeats), f"The charts of {case.name}")
     if warning:
@@ -77,16 +78,6 @@ def make_charts(
     times = Times(chart_folder(options.out, case) / "times.csv")
     times.measure(todo, options, repeats, tell)
     return [study.write(times) for study in studies]
-
-
-def _chosen(case: Case, names: Sequence[str]) -> list[str]:
-    for name in names:
-        if name not in case.charts:
-            known = ", ".join(case.charts) or "none"
-            raise StudyError(f"{case.source}: charts.{name} is not a chart of this case; it has: {known}.")
-    if not case.charts:
-        raise StudyError(f"{case.source}: 'charts' has no chart at tier {case.tier!r}; add a table [charts.NAME].")
-    return list(names) or list(case.charts)
 
 
 def _forecast(todo: list[Job], options: Options, repeats: int) -> float:

@@ -32,6 +32,7 @@ from verify.studies import (
     Variation,
     announce,
     check_of,
+    chosen_tables,
     finished_run,
     forecast,
     run_all,
@@ -83,22 +84,12 @@ def make_maps(
     ------
     StudyError : no such map, probe, border or metric. CaseError : the case itself is not valid.
     """
-    studies = [MapStudy(case, name, options) for name in _chosen(case, names)]
+    studies = [MapStudy(case, name, options) for name in chosen_tables(case, "maps", names)]
     todo = [job for study in studies for job in study.jobs(study.cells)]
     warning = announce(forecast(todo, options.jobs), f"The maps of {case.name}")
     if warning:
         tell(warning)
     return [study.make(tell) for study in studies]
-
-
-def _chosen(case: Case, names: Sequence[str]) -> list[str]:
-    for name in names:
-        if name not in case.maps:
-            known = ", ".join(case.maps) or "none"
-            raise StudyError(f"{case.source}: maps.{name} is not a map of this case; it has: {known}.")
-    if not case.maps:
-        raise StudyError(f"{case.source}: 'maps' has no map at tier {case.tier!r}; add a table [maps.NAME].")
-    return list(names) or list(case.maps)
 
 
 def _at(history: pd.DataFrame, row: int = -1) -> dict[str, Any]:

@@ -25,6 +25,23 @@ class StudyError(Exception):
     """A study cannot be made; its text is one sentence with place, value and remedy."""
 
 
+def chosen_tables(case: Case, key: str, names: Sequence[str]) -> list[str]:
+    """The names of a case's charts or maps (``key``) that are asked for, all of them without.
+
+    Raises
+    ------
+    StudyError : one of them is not in the case, or the case has none at its tier
+    """
+    tables, one = getattr(case, key), key.removesuffix("s")
+    for name in names:
+        if name not in tables:
+            known = ", ".join(tables) or "none"
+            raise StudyError(f"{case.source}: {key}.{name} is not a {one} of this case; it has: {known}.")
+    if not tables:
+        raise StudyError(f"{case.source}: {key!r} has no {one} at tier {case.tier!r}; add a table [{key}.NAME].")
+    return list(names) or list(tables)
+
+
 @dataclass(frozen=True)
 class Options:
     """How the runs of a study are done: so many at a time, each on so many threads."""
