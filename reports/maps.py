@@ -24,7 +24,9 @@ FAILURES = {
     "numerical fracture": ("#D55E00", "/"),
     "timeout": ("#8a8f98", "T"),
     "not possible": ("#eceef1", ""),
+    "slides": ("#E69F00", ""),
 }
+GOOD = ("stable", "holds")
 ACCURATE = ("#0072B2", "#56B4E9", "#A6D3F0", "#D6EAF8")
 
 
@@ -70,7 +72,7 @@ def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
 def _colours(table: pd.DataFrame) -> dict[str, str]:
     found = list(dict.fromkeys(table["verdict"]))
     accurate = sorted((v for v in found if v.startswith("within")), key=lambda verdict: float(verdict.split()[1]))
-    good = dict(zip(["stable", *accurate] if "stable" in found else accurate, ACCURATE, strict=False))
+    good = dict(zip([*(v for v in found if v in GOOD), *accurate], ACCURATE, strict=False))
     beyond = {verdict: "#F6D7C3" for verdict in found if verdict.startswith("beyond")}
     bad = {verdict: FAILURES.get(verdict, ("#D55E00", "?"))[0] for verdict in found if verdict not in good | beyond}
     return good | beyond | bad
@@ -80,7 +82,8 @@ def _draw_cell(axis: Any, cell: pd.Series, column: int, row: int, colours: dict[
     colour = colours[cell["verdict"]]
     axis.fill_between([column - 0.48, column + 0.48], row - 0.48, row + 0.48, color=colour, linewidth=0)
     mark = FAILURES.get(cell["verdict"], ("", ""))[1]
-    said = f"{100 * cell['error']:.2g} %" if np.isfinite(cell["error"]) else mark
+    iterations = f"{cell['iterations']}" if cell["iterations"] and not mark else mark
+    said = f"{100 * cell['error']:.2g} %" if np.isfinite(cell["error"]) else iterations
     dark = colour in ACCURATE[:1]
     axis.text(column, row, said, ha="center", va="center", fontsize=7, color="white" if dark else style.INK)
 

@@ -9,14 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from mpm.explicit import ExplicitMaterialPoints
+from mpm.explicit_kernels import turned_strain
 from mpm.splines import Axis
+from numerics.explicit import instants
+from physics.exact_motion import sliding_distance
 from verify.explicit_clouds import explicit_step
-from verify.verdicts import STABLE, Verdict
+from verify.krylov import krylov
+from verify.verdicts import BLEW_UP, HOLDS, SLIDES, STABLE, Verdict
 
 #: cells of the grid in each direction, and those in the middle where the open ends are not felt
 CELLS, MIDDLE = 16, (6, 10)
 #: elongation of the points that travel across cells
 STRETCH = 1.1
+#: share of the way without friction that a block may settle by and still hold
+HELD = 0.01
 
 # --------------------------------------------------------------------------------------- cell crossing
 
@@ -44,4 +51,53 @@ def _largest_inner_force(positions: NDArray, spacing: float, order: int) -> floa
     return float(np.abs(forces[MIDDLE[0] : MIDDLE[1]]).max())
 
 
-PROBES: dict[str, Callable[..., Verdict]] = {"explicit_step": explicit_step, "cell_crossing": cell_crossing}
+# -------------------------------------------------------------------------------------------- rotation
+
+
+def turned_stress(case: Case, *, angle: float, rotation: str) -> Verdict:
+    """Error of the stress of a sheared point that turns as a rigid body, over its size.
+
+    angle : turned, in degrees; a degree in each step
+    rotation : as in the table of dynamics
+    """
+    strain, step = (1.0, -1.0, 0.0), np.radians(1.0)
+    for _ in range(round(angle)):
+        strain = turned_strain(*strain, 0.0, -step, step, 0.0, rotation == "corotational")
+    exx, eyy, gxy = strain
+    twice = 2.0 * np.radians(round(angle))
+    # sizes of strain and of the deviatoric, isotropic stress are in proportion
+    error = float(np.hypot(0.5 * (exx - eyy) - np.cos(twice), 0.5 * gxy - np.sin(twice)))
+    return Verdict(STABLE, value=error, error=error)
+
+
+# -------------------------------------------------------------------------------------------- friction
+
+
+def incline(case: Case, *, friction: float, slope: float) -> Verdict:
+    """Whether the case's block holds on an incline (slope in degrees) by friction, in the solver itself.
+
+    It holds when it has gone less than `HELD` of the way that it would have gone without friction; the verdict's error is
+    the way by which it differs from Coulomb's, over the same way.
+    """
+    assert case.dynamics is not None
+    weight, angle = float(np.hypot(*case.dynamics.gravity)), np.radians(slope)
+    gravity = (weight * float(np.sin(angle)), -weight * float(np.cos(angle)))
+    tilted = case.model_copy(
+        update={
+            "contact": case.contact.model_copy(update={"friction": friction}),
+            "dynamics": case.dynamics.model_copy(update={"gravity": gravity}),
+        }
+    )
+    name = next(name for name, body in case.bodies.items() if not body.rigid)
+    first, *_, last = instants(ExplicitMaterialPoints(tilted), tilted)
+    if last.is_last:
+        return Verdict(BLEW_UP, step=last.step, u=last.u, reason=last.reason)
+    way = last.columns[f"{name}_x"] - first.columns[f"{name}_x"]
+    free = 0.5 * gravity[0] * last.time**2
+    error = abs(way - sliding_distance(tilted, body=name, time=last.time)) / free
+    return Verdict(HOLDS if way < HELD * free else SLIDES, value=way, error=error, step=last.step, u=last.time)
+
+
+PROBES: dict[str, Callable[..., Verdict]] = {
+    probe.__name__: probe for probe in (explicit_step, cell_crossing, turned_stress, incline, krylov)
+}

@@ -177,7 +177,7 @@ class MapStudy:
         history = run.history if wanted is None else run.history[run.history["u"] <= wanted * (1.0 + 1e-9)]
         told: dict[str, Any] = {
             "reason": info["reason"], "seconds": info["seconds"].get("total", math.nan),
-            "newton": int(counters.get("newton", 0)), "gmres": int(counters.get("gmres_iterations", 0)),
+            "newton": int(counters.get("newton", 0)), "iterations": int(counters.get("gmres_iterations", 0)),
         }  # fmt: skip
         torn = _torn(history, run.case.load.broken_fraction)
         if torn is not None:
