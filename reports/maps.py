@@ -55,7 +55,7 @@ def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
     axis.set_xticks(range(len(columns)), [_short(value) for value in columns])
     axis.set_yticks(range(len(rows)), [_short(value) for value in rows])
     axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
-    axis.set(xlabel=", ".join(chosen.x), ylabel=", ".join(chosen.y))
+    axis.set(xlabel=_label(chosen.x), ylabel=_label(chosen.y))
     for verdict, colour in colours.items():
         axis.fill_between([], [], color=colour, label=verdict)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -67,6 +67,11 @@ def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
         style.save(figure, folder, name),
         style.save_data(table, folder, name),
     )
+
+
+def _label(levels: dict[str, tuple[Any, ...]]) -> str:
+    """The keys that differ from level to level."""
+    return ", ".join(key for key, values in levels.items() if any(value != values[0] for value in values))
 
 
 def _colours(table: pd.DataFrame) -> dict[str, str]:
@@ -83,7 +88,7 @@ def _draw_cell(axis: Any, cell: pd.Series, column: int, row: int, colours: dict[
     axis.fill_between([column - 0.48, column + 0.48], row - 0.48, row + 0.48, color=colour, linewidth=0)
     mark = FAILURES.get(cell["verdict"], ("", ""))[1]
     iterations = f"{cell['iterations']}" if cell["iterations"] and not mark else mark
-    said = f"{100 * cell['error']:.2g} %" if np.isfinite(cell["error"]) else iterations
+    said = f"{number(100 * cell['error'], 2)} %" if np.isfinite(cell["error"]) else iterations
     dark = colour in ACCURATE[:1]
     axis.text(column, row, said, ha="center", va="center", fontsize=7, color="white" if dark else style.INK)
 

@@ -11,7 +11,7 @@ import pytest
 from cases import Case, CaseError, load_case
 from numerics.time_steps import stable_step
 from reports import draw_map, drawing_style
-from verify import explicit_clouds, probes, running
+from verify import explicit_clouds, krylov, probes, running
 from verify.stability import make_maps
 from verify.studies import Options, StudyError
 
@@ -249,3 +249,41 @@ def test_a_map_of_probes_needs_no_run(tmp_path: Path) -> None:
     table, _ = read(file)
     assert len(table) == 21 and not (tmp_path / "runs").exists()
     assert table.loc[table["y"] == 1, "verdict"].tolist()[0] == "beyond 10 %"
+
+
+def test_stress_that_does_not_turn_is_off_by_twice_the_sine_of_the_angle(tmp_path: Path) -> None:
+    (file,) = make_maps(load_case("rotating_stressed_disc", "quick"), Options(tmp_path), ["turned_point"])
+    table, borders = read(file)
+    error = table.set_index(["y", "x"])["error"]
+    assert error["additive"].to_numpy() == pytest.approx(2.0 * np.sin(np.radians(error["additive"].index)), rel=1e-9)
+    assert error["corotational"].max() < 1e-3
+    known = borders.dropna(subset="theory")
+    assert list(known["y"]) == ["additive"]
+    assert known["measured"].to_numpy() == pytest.approx(known["theory"].to_numpy(), rel=0.05)
+
+
+def test_a_block_slides_where_the_slope_is_above_its_friction(tmp_path: Path) -> None:
+    """The solver's block, two bisections between 0.3 and 0.44; its way is Coulomb's on either side."""
+    (file,) = make_maps(load_case("sliding_block", "quick"), Options(tmp_path), ["slope"])
+    table, borders = read(file)
+    assert borders[["verdict_below", "verdict_above"]].to_numpy().tolist() == [["slides", "holds"]]
+    assert borders["measured"].item() == pytest.approx(np.tan(np.radians(20.0)), abs=0.025)
+    assert (table["error"] < 0.02).all()
+
+
+def test_the_whole_factor_needs_no_more_iterations_than_the_least_degradation_allows() -> None:
+    case = load_case("cantilever", "quick", "fem")
+    for damage in (0.0, 0.3, 0.5, 0.7, 0.9):
+        found = krylov.krylov(case, method="old_factor", damage=damage, residual_stiffness=0.0, allowed=1000)
+        assert found.iterations <= 0.5 * np.log(2.0 / krylov.TOLERANCE) / (1.0 - damage)
+    assert found.iterations > 30, "many more than for the whole body"
+
+
+def test_a_body_broken_through_without_residual_stiffness_has_no_factor() -> None:
+    case = load_case("cantilever", "quick", "fem")
+    broken = {"damage": 1.0, "allowed": 300}
+    verdicts = {
+        method: [krylov.krylov(case, method=method, residual_stiffness=k, **broken).verdict for k in (0.0, 1e-6)]
+        for method in ("direct", "old_factor")
+    }
+    assert verdicts == {"direct": ["no convergence", "stable"], "old_factor": ["stable", "stable"]}

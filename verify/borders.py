@@ -81,8 +81,8 @@ def turned_shear(case: Case, chosen: Map, row: pd.DataFrame) -> float:
 def conjugate_gradients(case: Case, chosen: Map, row: pd.DataFrame) -> float:
     """Damage up to which the whole body's factor must do within the row's number of iterations.
 
-    The eigenvalues of the preconditioned matrix lie between the least degradation, c² without residual stiffness, and one;
-    the error falls below a tolerance t in ln(2 / t) / (2 c) iterations.
+    The eigenvalues of the preconditioned matrix lie between the least degradation, c² without residual stiffness, and
+    one; the error falls below a tolerance t in ln(2 / t) / (2 c) iterations.
     """
     return 1.0 - 0.5 * math.log(2.0 / TOLERANCE) / float(row["y"].iloc[0])
 

@@ -73,7 +73,7 @@ class CrackedBody:
         self._fade = np.exp(-np.maximum(from_crack - 1.0, 0.0))
 
     def equations(self, damage: float, residual_stiffness: float) -> tuple[csr_matrix, NDArray]:
-        """Stiffness (n, n) [force/length] and right side (n,) [force] of the prescribed displacements at a load of one."""
+        """Stiffness (n, n) [force/length] and right side (n,) [force] of what is prescribed at a load of one."""
         basis, shape = self._basis, self._basis.volume.shape
         prescribed = np.where(self._constraints.prescribed, self._constraints.prescribed_values(1.0), 0.0)
         gradient, stress, psi = np.zeros((*shape, 4)), np.empty((*shape, 3)), np.empty((*shape, 2))

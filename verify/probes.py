@@ -3,6 +3,7 @@
 A probe is called with the case and the levels of a map by name, dots become underscores; it returns a `Verdict`.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -57,16 +58,17 @@ def _largest_inner_force(positions: NDArray, spacing: float, order: int) -> floa
 def turned_stress(case: Case, *, angle: float, rotation: str) -> Verdict:
     """Error of the stress of a sheared point that turns as a rigid body, over its size.
 
-    angle : turned, in degrees; a degree in each step
+    angle : turned, in degrees; at most a degree in each step
     rotation : as in the table of dynamics
     """
-    strain, step = (1.0, -1.0, 0.0), np.radians(1.0)
-    for _ in range(round(angle)):
+    strain, steps = (1.0, -1.0, 0.0), math.ceil(angle)
+    step = math.radians(angle) / steps
+    for _ in range(steps):
         strain = turned_strain(*strain, 0.0, -step, step, 0.0, rotation == "corotational")
     exx, eyy, gxy = strain
-    twice = 2.0 * np.radians(round(angle))
+    twice = 2.0 * math.radians(angle)
     # sizes of strain and of the deviatoric, isotropic stress are in proportion
-    error = float(np.hypot(0.5 * (exx - eyy) - np.cos(twice), 0.5 * gxy - np.sin(twice)))
+    error = math.hypot(0.5 * (exx - eyy) - math.cos(twice), 0.5 * gxy - math.sin(twice))
     return Verdict(STABLE, value=error, error=error)
 
 
@@ -80,8 +82,8 @@ def incline(case: Case, *, friction: float, slope: float) -> Verdict:
     the way by which it differs from Coulomb's, over the same way.
     """
     assert case.dynamics is not None
-    weight, angle = float(np.hypot(*case.dynamics.gravity)), np.radians(slope)
-    gravity = (weight * float(np.sin(angle)), -weight * float(np.cos(angle)))
+    weight, angle = math.hypot(*case.dynamics.gravity), math.radians(slope)
+    gravity = (weight * math.sin(angle), -weight * math.cos(angle))
     tilted = case.model_copy(
         update={
             "contact": case.contact.model_copy(update={"friction": friction}),
