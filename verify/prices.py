@@ -16,7 +16,7 @@ from typing import Any
 import pandas as pd
 
 from cases import Case, load_case
-from verify.atomic import write_text
+from verify.atomic import write_table
 from verify.jobs import Job
 from verify.metrics import METRICS, metric_unit
 from verify.provenance import code_version
@@ -79,7 +79,7 @@ def price(
     run_all(todo, options.jobs, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
     table = pd.DataFrame([row for one in priced for row in one.rows()], columns=list(COLUMNS))
     file = options.out / "prices" / case.name / f"{case.tier}.csv"
-    write_text(file, table.to_csv(index=False, lineterminator="\n"))
+    write_table(file, table)
     if record:
         _record(case, table)
     return file
@@ -94,7 +94,7 @@ def _record(case: Case, table: pd.DataFrame) -> None:
     old = read_prices(case)
     kept = old[(old["tier"] != case.tier) | ~old["run"].isin(table["run"])]
     both = pd.concat([kept, table], ignore_index=True) if len(kept) else table
-    write_text(case.folder / PRICES_FILE, both.to_csv(index=False, lineterminator="\n"))
+    write_table(case.folder / PRICES_FILE, both)
 
 
 def read_prices(case: Case) -> pd.DataFrame:
