@@ -53,13 +53,8 @@ def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
     name = f"chart-{style.slug(file.stem)}"
-    return style.Drawing(
-        name,
-        f"Accuracy against cost: {title or file.stem}",
-        _caption(file, table),
-        style.save(figure, folder, name),
-        style.save_data(table, folder, name),
-    )
+    title = f"Accuracy against cost: {title or file.stem}"
+    return style.drawing(figure, folder, name, title, _caption(file, table), table)
 
 
 def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, str]) -> None:

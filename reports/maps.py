@@ -60,13 +60,8 @@ def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
         axis.fill_between([], [], color=colour, label=verdict)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     name = f"map-{style.slug(file.stem)}"
-    return style.Drawing(
-        name,
-        f"Where it fails: {chosen.title or file.stem}",
-        _caption(table, borders),
-        style.save(figure, folder, name),
-        style.save_data(table, folder, name),
-    )
+    title = f"Where it fails: {chosen.title or file.stem}"
+    return style.drawing(figure, folder, name, title, _caption(table, borders), table)
 
 
 def _label(levels: dict[str, tuple[Any, ...]]) -> str:
