@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .results import CaseResults
 
 FAILED = ("no_convergence", "failed")
-COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations"}
+COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations, or points × steps"}
 MARKERS = "osD^vP"
 
 
