@@ -50,8 +50,9 @@ def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
     for axis, words in zip(axes[-1], COSTS.values(), strict=True):
         axis.set_xlabel(words)
         axis.xaxis.set_minor_formatter(NullFormatter())
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
+    legends = [axis.get_legend_handles_labels() for axis in axes[:, 0]]
+    drawn = {label: handle for handles, labels in legends for handle, label in zip(handles, labels, strict=True)}
+    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=min(len(drawn), 4))
     name = f"chart-{style.slug(file.stem)}"
     title = f"Accuracy against cost: {title or file.stem}"
     return style.drawing(figure, folder, name, title, _caption(file, table), table)
