@@ -53,7 +53,7 @@ def explicit_step(case: Case, *, share: float, cloud: str, order: int, update: s
     early = [steps for steps in ends if steps is not None]
     if not early:
         return Verdict(STABLE, value=critical, step=STEPS)
-    return Verdict(BLEW_UP, value=critical, step=min(early), reason=f"{len(early)} of {len(clouds)} clouds")
+    return Verdict(BLEW_UP, value=critical, step=min(early), reason=f"a strain grew {GROWTH:.0e}-fold")
 
 
 def free_case(case: Case, order: int, update: str) -> Case:

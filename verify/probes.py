@@ -75,8 +75,8 @@ def turned_stress(case: Case, *, angle: float, rotation: str) -> Verdict:
 # -------------------------------------------------------------------------------------------- friction
 
 
-def incline(case: Case, *, friction: float, slope: float) -> Verdict:
-    """Whether the case's block holds on an incline (slope in degrees) by friction, in the solver itself.
+def incline(case: Case, *, friction: float, slope: float, time: float) -> Verdict:
+    """Whether the case's block holds by friction on an incline (slope in degrees) up to a time, in the solver itself.
 
     It holds when it has gone less than `HELD` of the way that it would have gone without friction; the verdict's error is
     the way by which it differs from Coulomb's, over the same way.
@@ -87,7 +87,7 @@ def incline(case: Case, *, friction: float, slope: float) -> Verdict:
     tilted = case.model_copy(
         update={
             "contact": case.contact.model_copy(update={"friction": friction}),
-            "dynamics": case.dynamics.model_copy(update={"gravity": gravity}),
+            "dynamics": case.dynamics.model_copy(update={"gravity": gravity, "end_time": time}),
         }
     )
     name = next(name for name, body in case.bodies.items() if not body.rigid)
