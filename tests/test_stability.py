@@ -270,7 +270,7 @@ def test_stress_that_does_not_turn_is_off_by_twice_the_sine_of_the_angle(tmp_pat
 
 
 def test_a_block_slides_where_the_slope_is_above_its_friction(tmp_path: Path) -> None:
-    """The solver's block, two bisections between 0.3 and 0.44; its way is Coulomb's on either side."""
+    """The solver's block slides at 0.34 and holds at 0.39 on a slope of 0.364; its way is Coulomb's on either side."""
     (file,) = make_maps(load_case("sliding_block", "quick"), Options(tmp_path), ["slope"])
     table, borders = read(file)
     assert borders[["verdict_below", "verdict_above"]].to_numpy().tolist() == [["slides", "holds"]]

@@ -4,6 +4,7 @@ A probe is called with the case and the levels of a map by name, dots become und
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -25,6 +26,8 @@ CELLS, MIDDLE = 16, (6, 10)
 STRETCH = 1.1
 #: share of the way without friction that a block may settle by and still hold
 HELD = 0.01
+#: coefficient of friction by which it settles, over the least that holds it
+STICKY = 2.0
 
 # --------------------------------------------------------------------------------------- cell crossing
 
@@ -78,26 +81,37 @@ def turned_stress(case: Case, *, angle: float, rotation: str) -> Verdict:
 def incline(case: Case, *, friction: float, slope: float, time: float) -> Verdict:
     """Whether the case's block holds by friction on an incline (slope in degrees) up to a time, in the solver itself.
 
-    It holds when it has gone less than `HELD` of the way that it would have gone without friction; the verdict's error is
-    the way by which it differs from Coulomb's, over the same way.
+    It has settled before, held by more friction: under a sudden weight it rocks, and a block that rocks slides more
+    easily. It holds when it has gone less than `HELD` of the way that it would have gone without friction; the verdict's
+    error is the way by which it differs from Coulomb's, over the same way.
     """
-    assert case.dynamics is not None
-    weight, angle = math.hypot(*case.dynamics.gravity), math.radians(slope)
-    gravity = (weight * math.sin(angle), -weight * math.cos(angle))
-    tilted = case.model_copy(
-        update={
-            "contact": case.contact.model_copy(update={"friction": friction}),
-            "dynamics": case.dynamics.model_copy(update={"gravity": gravity, "end_time": time}),
-        }
-    )
-    name = next(name for name, body in case.bodies.items() if not body.rigid)
-    first, *_, last = instants(ExplicitMaterialPoints(tilted), tilted)
+    tilted = _tilted(case, friction, slope, time)
+    settled = _tilted(case, STICKY * math.tan(math.radians(slope)), slope, time)
+    solver = ExplicitMaterialPoints(tilted)
+    before = ExplicitMaterialPoints(settled)
+    deque(instants(before, settled), maxlen=0)
+    solver.restore(before.checkpoint())
+    first, *_, last = instants(solver, tilted)
     if last.is_last:
         return Verdict(BLEW_UP, step=last.step, u=last.u, reason=last.reason)
+    name = next(name for name, body in case.bodies.items() if not body.rigid)
     way = last.columns[f"{name}_x"] - first.columns[f"{name}_x"]
-    free = 0.5 * gravity[0] * last.time**2
-    error = abs(way - sliding_distance(tilted, body=name, time=last.time)) / free
+    free = sliding_distance(_tilted(case, 0.0, slope, time), body=name, time=time)
+    error = abs(way - sliding_distance(tilted, body=name, time=time)) / free
     return Verdict(HOLDS if way < HELD * free else SLIDES, value=way, error=error, step=last.step, u=last.time)
+
+
+def _tilted(case: Case, friction: float, slope: float, time: float) -> Case:
+    """The case with gravity turned by a slope in degrees, up to a time."""
+    assert case.dynamics is not None
+    weight, angle = math.hypot(*case.dynamics.gravity), math.radians(slope)
+    turned = {"gravity": (weight * math.sin(angle), -weight * math.cos(angle)), "end_time": time}
+    return case.model_copy(
+        update={
+            "contact": case.contact.model_copy(update={"friction": friction}),
+            "dynamics": case.dynamics.model_copy(update=turned),
+        }
+    )
 
 
 PROBES: dict[str, Callable[..., Verdict]] = {
