@@ -98,7 +98,7 @@ class ExplicitMaterialPoints:
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the clock times the work alone."""
-        saved = {name: array.copy() for name, array in self.checkpoint().items()}
+        saved = self._copies()
         self.step(0.0, 1e-9 * self.stable_step())
         if len(self.bodies) > 1:
             self.contact.warm_up()
@@ -112,16 +112,54 @@ class ExplicitMaterialPoints:
         return stable_step(self.case)
 
     def step(self, now: float, size: float) -> None:
-        """One pass of Algorithm 3."""
+        """Algorithm 3; raises what its bodies raise.
+
+        The first pass solves the phase field of the time ``now``; each further one of ``staggered.passes`` goes back and
+        repeats the step with the phase field of the history field that the pass before it led to.
+        """
         for body in self.bodies:
             body.keep_sorted(size)
+        passes = self.case.staggered.passes
+        start = self._copies() if passes > 1 else {}
+        self._map_to_grid(now)
+        self._solve_phase_fields(now)
+        self._move(now, size)
+        for _ in range(passes - 1):
+            self._go_back_with_phase_field_ahead(start, now)
+            self._map_to_grid(now)
+            self._move(now, size)
+
+    def _copies(self) -> dict[str, NDArray]:
+        return {name: array.copy() for name, array in self.checkpoint().items()}
+
+    def _map_to_grid(self, now: float) -> None:
         with self.costs.timed("to_grid"):
             for body in self.bodies:
                 body.map_to_grid()
             self._tractions.add(now)
+
+    def _solve_phase_fields(self, now: float) -> None:
         with self.costs.timed("phase_field"):
             for phase_field in self.phase_fields:
                 phase_field.solve(now)
+
+    def _go_back_with_phase_field_ahead(self, start: Mapping[str, NDArray], now: float) -> None:
+        """The state at the start of the step, but for the phase field and the stresses that it softens."""
+        ahead = [body.points.history for body in self.bodies]
+        self.restore(start)
+        committed = [body.points.history for body in self.bodies]
+        self._set_histories(ahead)
+        self._solve_phase_fields(now)
+        self._set_histories(committed)
+        for body in self._moving:
+            body.evaluate_stresses()
+
+    def _set_histories(self, histories: list[NDArray]) -> None:
+        for body, history in zip(self.bodies, histories, strict=True):
+            body.points.history = history
+
+    def _move(self, now: float, size: float) -> None:
+        """Trial velocities, contact, and the points' motion from what is mapped to the grid."""
         with self.costs.timed("grid"):
             for body in self.bodies:
                 body.find_trial_velocities(size)

@@ -136,7 +136,7 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
         runs_sentence=words.runs_sentence(list(results.runs.values())),
         boundaries=scene.boundary_rows(results.case) if results.case else [],
         checks=tables.check_rows(results), cost=tables.cost_table(results),
-        cost_sentence=tables.cost_sentence(results),
+        cost_sentence=tables.cost_sentence(results), prices=tables.price_rows(results),
         runs=tables.run_rows(results), notices=_notices(results), readme=readme_html(results),
     )  # fmt: skip
     file = out / "pages" / f"{name}.html"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from verify.prices import read_prices
 from verify.run_folder import GOOD_STATUSES
 
 from . import style
@@ -21,6 +22,8 @@ from .words import (
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    import pandas as pd
 
     from .results import CaseResults, RunResults
 
@@ -115,6 +118,31 @@ def _counts(runs: list[RunResults], key: str) -> list[str]:
 def _milliseconds(run: RunResults) -> str:
     seconds = seconds_per_iteration(run)
     return "–" if seconds is None else number(1000 * seconds, 3)
+
+
+def price_rows(results: CaseResults) -> list[dict[str, str]]:
+    """Return what each saving of each run spares and changes, as recorded beside the baseline for this tier."""
+    if results.case is None:
+        return []
+    prices = read_prices(results.case)
+    groups = prices[prices["tier"] == results.tier].groupby(["run", "saving"], sort=False)
+    return [_price_row(results, str(run), str(saving), rows) for (run, saving), rows in groups]
+
+
+def _price_row(results: CaseResults, run: str, saving: str, rows: pd.DataFrame) -> dict[str, str]:
+    first = rows.iloc[0]
+    ratios = {key: number(first[f"{key}_without"] / first[f"{key}_with"], 3) for key in ("seconds", "work", "unknowns")}
+    changes = [_price_in_words(results, row) for _, row in rows.iterrows() if isinstance(row["quantity"], str)]
+    status = str(first["status"])
+    ended = "" if status in GOOD_STATUSES else STATUS_WORDS.get(status, status)
+    return {"run": run, "saving": saving, **ratios, "changes": "; ".join(changes) or ended}
+
+
+def _price_in_words(results: CaseResults, row: pd.Series) -> str:
+    """A share of the quantity, or the quantity itself where it is no share."""
+    share = row["change"] == row["change"]
+    said = percent(row["change"]) if share else f"{number(row['with'], 3)} {metric_unit(row['quantity'], results.case)}"
+    return f"{metric_in_words(row['quantity'])} {said}".strip()
 
 
 def cost_sentence(results: CaseResults) -> str:

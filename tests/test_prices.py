@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import fake_solver
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 import pytest
 
 from cases import list_cases, load_case
+from reports.tables import price_rows
 from verify import calibration, cli, running
 from verify.plan import plan
 from verify.prices import PRICES_FILE, price, price_of, read_prices
@@ -26,6 +28,14 @@ CHECK = """
 metric = "peak_force"
 run = "fem"
 against = "value:0.5"
+limit = 1.0
+reason = "prices its savings"
+"""
+CURVE_CHECK = """
+[[checks]]
+metric = "curve_l2_before_peak"
+run = "mpm"
+against = "fem"
 limit = 1.0
 reason = "prices its savings"
 """
@@ -70,6 +80,22 @@ def test_a_price_is_the_change_in_each_checked_quantity(priced: pd.DataFrame) ->
     assert priced.loc["accelerated staggering", "change"] == 0.0
     assert priced.loc["all savings", "change"] == pytest.approx(0.02)
     assert (priced["quantity"] == "peak_force").all() and (priced["seconds_without"] > 0).all()
+
+
+def test_a_comparison_of_two_runs_is_priced_against_the_run_without_the_saving(case_file: Path, tmp_path: Path) -> None:
+    case_file.write_text(case_file.read_text() + CURVE_CHECK)
+    case = load_case(case_file, "quick")
+    table = pd.read_csv(price(case, Options(tmp_path / "out"), ["fem"], only=["graded grid"], record=True))
+    curve = table.set_index("quantity").loc["curve_l2_before_peak"]
+    assert set(table["saving"]) == {"graded grid"}
+    assert curve["change"] == pytest.approx(0.02) and curve["unknowns_with"] == curve["unknowns_without"] == 8
+    (row,) = price_rows(SimpleNamespace(case=case, tier="quick"))
+    assert row["changes"].startswith("Peak force 2 %; ") and row["unknowns"] == "1"
+
+
+def test_a_saving_that_no_run_has_is_told(case_file: Path, tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"none of the savings magic .*; its runs have: graded grid"):
+        price(load_case(case_file, "quick"), Options(tmp_path / "out"), ["fem"], only=["magic"])
 
 
 def test_recorded_prices_stay_for_other_tiers_and_runs(priced: pd.DataFrame, case_file: Path, tmp_path: Path) -> None:

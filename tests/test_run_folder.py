@@ -5,7 +5,10 @@ import json
 import os
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import fake_solver
 import numpy as np
@@ -13,7 +16,7 @@ import pytest
 
 from cases import load_case
 from reports.words import runs_sentence
-from verify import running
+from verify import jobs, running
 from verify.atomic import WriteError, superseded, write_text
 from verify.judge import find_run
 from verify.run_folder import RunFolder, RunFolderError, RunWriter, partial_folder, run_path
@@ -164,6 +167,15 @@ def test_a_killed_run_is_never_taken_for_a_whole_one(case_file: Path, tmp_path: 
     with pytest.raises(RunFolderError, match="not finished"):
         RunFolder(midway)
     assert run(case_file, "fem", "quick", tmp_path / "midway").good
+
+
+def test_a_run_is_interrupted_when_its_parent_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    killed = SimpleNamespace(join=lambda: None)
+    monkeypatch.setattr(jobs.multiprocessing, "parent_process", lambda: killed)
+    watch = threading.Thread(target=jobs._end_with_parent)
+    with pytest.raises(KeyboardInterrupt):
+        watch.start()
+        time.sleep(10.0)
 
 
 def test_a_kill_between_the_two_renames_gives_the_older_run_back(case_file: Path, tmp_path: Path) -> None:

@@ -449,6 +449,7 @@ def price_command(
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     run_names: RunOption = None,
+    only: Annotated[list[str] | None, typer.Option("--saving", help="only this saving; may be repeated")] = None,
     record: Annotated[bool, typer.Option("--record", help="keep the prices beside the case's baseline")] = False,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
     threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
@@ -459,6 +460,7 @@ def price_command(
     `verify plan` and `verify run` with `--accuracy`.
 
     Examples: `verify price sen_tension --tier quick` · `verify price sen_tension --run fem --record`
+    · `verify price l_panel --saving "graded grid"`
     """
     from verify.prices import price
     from verify.studies import Options
@@ -468,20 +470,20 @@ def price_command(
     def tell(line: str) -> None:
         console.print(line, markup=False, highlight=False)
 
-    file = price(loaded, Options(out, jobs, threads), run_names or [], tell, record)
+    file = price(loaded, Options(out, jobs, threads), run_names or [], tell, record, only or [])
     console.print(_price_table(pd.read_csv(file)))
     tell(f"Prices: {file}")
 
 
 def _price_table(prices: pd.DataFrame) -> Table:
-    table = Table("run", "without", "times the time", "times the work", "quantity", "with", "without it", "change")
+    ratios = {"time": "seconds", "work": "work", "unknowns": "unknowns"}
+    table = Table("run", "without", *(f"times the {name}" for name in ratios), "quantity", "with", "without it", "change")
     for _, row in prices.iterrows():
-        time, work = row["seconds_without"] / row["seconds_with"], row["work_without"] / row["work_with"]
-        values = (f"{row['with']:.6g}", f"{row['without']:.6g}", f"{100 * row['change']:.2g} %")
-        failed = ("", "", str(row["status"]))
-        known = isinstance(row["quantity"], str)
-        shown = (row["quantity"], *values) if known else ("", *failed)
-        table.add_row(row["run"], row["saving"], f"{time:.3g}", f"{work:.3g}", *shown)
+        cost = [f"{row[f'{key}_without'] / row[f'{key}_with']:.3g}" for key in ratios.values()]
+        change = "" if math.isnan(row["change"]) else f"{100 * row['change']:.2g} %"
+        values = (row["quantity"], f"{row['with']:.6g}", f"{row['without']:.6g}", change)
+        shown = values if isinstance(row["quantity"], str) else ("", "", "", str(row["status"]))
+        table.add_row(row["run"], row["saving"], *cost, *shown)
     return table
 
 

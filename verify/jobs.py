@@ -1,7 +1,10 @@
 """Runs to do, one after the other or in several processes at a time."""
 
 import multiprocessing
+import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -80,7 +83,7 @@ def outcomes(todo: list[Job], jobs: int) -> Iterator[Outcome]:
         return
     # a fresh process for each run: the thread count of a used one is fixed, and its memory not its own
     with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
-        for future in as_completed([pool.submit(do, job) for job in todo]):
+        for future in as_completed([pool.submit(_do_for_parent, job) for job in todo]):
             yield future.result()
 
 
@@ -91,6 +94,19 @@ def _fresh_processes() -> multiprocessing.context.BaseContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["verify.jobs", "verify.ready"])
     return context
+
+
+def _do_for_parent(job: Job) -> Outcome:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    return do(job)
+
+
+def _end_with_parent() -> None:
+    """A run whose parent was killed is interrupted too, behind its last checkpoint, and does not go on alone."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGINT)
 
 
 def do(job: Job) -> Outcome:

@@ -18,7 +18,7 @@ import pandas as pd
 from cases import Case, load_case
 from verify.atomic import write_text
 from verify.jobs import Job
-from verify.metrics import METRICS, metric_unit
+from verify.metrics import METRICS, PAIR_METRICS, Metric, find_metric, metric_unit
 from verify.provenance import code_version
 from verify.run_folder import RunFolder
 from verify.savings import Saving, all_off, savings
@@ -37,42 +37,60 @@ from verify.studies import (
 
 PRICES_FILE = "prices.csv"
 COLUMNS = (
-    "tier", "run", "saving", "seconds_with", "seconds_without", "work_with", "work_without", "quantity", "with",
-    "without", "unit", "change", "status", "version",
+    "tier", "run", "saving", "seconds_with", "seconds_without", "work_with", "work_without", "unknowns_with",
+    "unknowns_without", "quantity", "with", "without", "unit", "change", "status", "version",
 )  # fmt: skip
 ALL_SAVINGS = "all savings"
+#: metrics of two runs that are priced: relative errors of a curve, and distances of crack paths
+RELATIVE = ("curve_l2_before_peak", "curve_l2_whole", "curve_l2_peak_normalised")
+PATHS = ("path_mean_distance", "path_mean_distance_over_h")
 
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A checked metric with its parameters."""
+    """A checked metric with its parameters; one of a pair compares the run with that without the saving."""
 
     metric: str
     parameters: dict[str, Any]
 
-    def of(self, run: RunFolder) -> float:
-        """Its value in a run; not a number where the run does not give it."""
+    def change(self, usual: RunFolder, without: RunFolder) -> dict[str, Any]:
+        """Its value with and without the saving, and the relative change; not a number where there is none."""
+        if self.metric in PAIR_METRICS:
+            error = self._value(find_metric(self.metric), usual, without)
+            # distances of paths are told, but are no share of anything
+            return {"with": error, "without": 0.0, "change": error if self.metric in RELATIVE else math.nan}
+        with_it, without_it = (self._value(find_metric(self.metric), run) for run in (usual, without))
+        change = (with_it - without_it) / abs(without_it) if without_it else math.nan
+        return {"with": with_it, "without": without_it, "change": change}
+
+    def _value(self, metric: Metric, *runs: RunFolder) -> float:
         try:
-            return METRICS[self.metric](run, **self.parameters)
+            return metric(*runs, **self.parameters)
         except NO_VALUE:
             return math.nan
 
 
 def price(
-    case: Case, options: Options, runs: Sequence[str] = (), tell: Tell = lambda line: None, record: bool = False
-) -> Path:
+    case: Case, options: Options, runs: Sequence[str] = (), tell: Tell = lambda line: None, record: bool = False,
+    only: Sequence[str] = (),
+) -> Path:  # fmt: skip
     """Do the runs that are not finished and write the table of prices; returns its path.
+
+    only : names of the savings to switch off, each in turn; all of them, and all at once, without.
 
     Raises
     ------
-    StudyError : no such run, or no saving of its can be switched off.
+    StudyError : no such run or saving, or no saving of its can be switched off.
     """
-    priced = [_Priced(case, name, options) for name in runs or _plain_runs(case)]
+    priced = [_Priced(case, name, options, only) for name in runs or _plain_runs(case)]
     todo = [job for one in priced for job in one.jobs()]
-    if not any(one.switches for one in priced):
-        raise StudyError(f"{case.source}: no saving of its runs can be switched off at tier {case.tier!r}.")
+    if not todo:
+        what = f"none of the savings {', '.join(only)}" if only else "no saving"
+        known = dict.fromkeys(saving.name for one in priced for saving in one.all_switches)
+        remedy = f"; its runs have: {', '.join(known)}" if known else ""
+        raise StudyError(f"{case.source}: {what} of its runs can be switched off at tier {case.tier!r}{remedy}.")
     warning = announce(forecast(todo, options.jobs), f"The prices of {case.name}")
     if warning:
         tell(warning)
@@ -90,9 +108,9 @@ def _plain_runs(case: Case) -> list[str]:
 
 
 def _record(case: Case, table: pd.DataFrame) -> None:
-    """Beside the baseline, in place of what was recorded for these runs at this tier."""
-    old = read_prices(case)
-    kept = old[(old["tier"] != case.tier) | ~old["run"].isin(table["run"])]
+    """Beside the baseline, in place of what was recorded for these savings of these runs at this tier."""
+    old, keys = read_prices(case), ["tier", "run", "saving"]
+    kept = old[~pd.MultiIndex.from_frame(old[keys]).isin(pd.MultiIndex.from_frame(table[keys]))]
     both = pd.concat([kept, table], ignore_index=True) if len(kept) else table
     write_text(case.folder / PRICES_FILE, both.to_csv(index=False, lineterminator="\n"))
 
@@ -129,10 +147,12 @@ def price_of(prices: pd.DataFrame, tier: str, run: str, saving: str) -> float:
 class _Priced:
     """One run of a case, with and without its savings."""
 
-    def __init__(self, case: Case, run: str, options: Options) -> None:
+    def __init__(self, case: Case, run: str, options: Options, only: Sequence[str] = ()) -> None:
         self.case, self.run, self.options = case, run, options
         merged = load_case(case.source, case.tier, run)
-        self.switches = tuple(saving for saving in savings(merged) if saving.off)
+        self.all_switches = tuple(saving for saving in savings(merged) if saving.off)
+        self.switches = tuple(saving for saving in self.all_switches if not only or saving.name in only)
+        self._together = len(self.switches) > 1 and not only
 
     def _job(self, saving: str, change: dict[str, Any]) -> Job:
         return Variation(f"{self.run} without {saving}" if change else self.run, self.run, change).job(
@@ -143,7 +163,7 @@ class _Priced:
         """Each saving off in turn, and all off where there are several."""
         each = [(saving.name, self._job(saving.name, saving.off or {})) for saving in self.switches]
         together = [(ALL_SAVINGS, self._job(ALL_SAVINGS, all_off(self.switches)))]
-        return each + (together if len(self.switches) > 1 else [])
+        return each + (together if self._together else [])
 
     def jobs(self) -> list[Job]:
         """The run as it is, and those without savings."""
@@ -158,28 +178,35 @@ class _Priced:
 
     def _rows_of(self, saving: str, usual: RunFolder, run: RunFolder | None) -> list[dict[str, Any]]:
         told: dict[str, Any] = {"tier": self.case.tier, "run": self.run, "saving": saving, "version": code_version()}
-        told |= {"seconds_with": processor_seconds(usual), "work_with": counted_work(usual)}
+        told |= _costs(usual, "with")
         if run is None or not run.good:
             return [told | {"status": run.info["status"] if run else "failed"}]
-        told |= {"seconds_without": processor_seconds(run), "work_without": counted_work(run)}
+        told |= _costs(run, "without")
         told["status"] = run.info["status"]
-        return [told | self._change(quantity, usual, run) for quantity in self._quantities()]
+        return [told | self._told(quantity) | quantity.change(usual, run) for quantity in self._quantities()]
 
-    def _change(self, quantity: Quantity, usual: RunFolder, run: RunFolder) -> dict[str, Any]:
-        with_it, without = quantity.of(usual), quantity.of(run)
-        change = (with_it - without) / abs(without) if without else math.nan
-        unit = metric_unit(quantity.metric, self.case)
-        return {"quantity": quantity.metric, "with": with_it, "without": without, "unit": unit, "change": change}
+    def _told(self, quantity: Quantity) -> dict[str, str]:
+        return {"quantity": quantity.metric, "unit": metric_unit(quantity.metric, self.case)}
 
     def _quantities(self) -> list[Quantity]:
-        """What checks ask of this run, or of another against it: physical quantities, no errors."""
+        """What checks ask of this run, or of another against it: physical quantities, and errors of two runs."""
         found: dict[str, Quantity] = {}
         for _, check in self.case.applying_checks():
-            metric = METRICS.get(check.metric)
-            concerned = self.run in (check.run, check.target[1])
-            if metric is not None and concerned and metric.unit not in ("number", "degree"):
+            if self.run in (check.run, check.target[1]) and _is_priced(check.metric):
                 found.setdefault(f"{check.metric}{check.parameters}", Quantity(check.metric, check.parameters))
         return list(found.values())
+
+
+def _is_priced(name: str) -> bool:
+    """Angles and errors against something exact tell nothing of a saving."""
+    return name in PATHS + RELATIVE or (name in METRICS and METRICS[name].unit not in ("number", "degree"))
+
+
+def _costs(run: RunFolder, which: str) -> dict[str, float]:
+    counters = run.info.get("counters", {})
+    unknowns = counters.get("unknowns_displacement", 0) + counters.get("unknowns_phase_field", 0)
+    costs = {"seconds": processor_seconds(run), "work": counted_work(run), "unknowns": unknowns}
+    return {f"{name}_{which}": value for name, value in costs.items()}
 
 
 def chosen_savings(case: Case, run: str, accuracy: float) -> tuple[tuple[Saving, ...], tuple[str, ...]]:
