@@ -51,6 +51,9 @@ class ExplicitFiniteElements:
         if len(case.bodies) > 1:
             raise CaseError(f"{case.source}: bodies: explicit finite elements know no contact; run several bodies with"
                             ' solver = "mpm".')  # fmt: skip
+        if any(m.fracture is not None and m.fracture.order == 4 for m in case.materials.values()):
+            raise CaseError(f"{case.source}: fracture.order = 4: the phase field of explicit finite elements is of second"
+                            ' order; run the case with solver = "mpm".')  # fmt: skip
         self.case, self.costs = case, Costs()
         self.basis = basis = ElementBasis(case)
         materials = MaterialTable(case)

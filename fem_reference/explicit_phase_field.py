@@ -63,8 +63,8 @@ class ElementPhaseField:
         values, right_side = np.zeros((len(nodes) + 1, self._near.shape[1])), np.zeros(len(nodes) + 1)
         cells = window.cells
         fold(rows[self._basis.elements[cells]], self._slots[cells], local, out_of_balance, values, right_side)
-        correction, near = np.zeros(len(nodes)), rows[self._near[nodes]]
-        iterations = conjugate_gradients(near, values[:-1], self._own[nodes], right_side[:-1], correction)
+        near = rows[self._near[nodes]]
+        correction, iterations = conjugate_gradients(near, values[:-1], self._own[nodes], right_side[:-1])
         self.nodal[nodes] += correction
         self._map(window.cells)
         self.solved_for[window.cells] = history_field[window.cells]

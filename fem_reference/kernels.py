@@ -120,6 +120,21 @@ def scalar_at_points(nodes, shape, slope, nodal, value, slope_squared):
             slope_squared[e, q] = cx * cx + cy * cy
 
 
+@njit(inline="always")
+def _smooth_scalar(unknowns, value, slope, curvature, nodal):
+    """A scalar at one Gauss point with its slope and its weighted second derivatives."""
+    c = cx = cy = c0 = c1 = c2 = 0.0
+    for a in range(unknowns.size):
+        phase = nodal[unknowns[a]]
+        c += value[a] * phase
+        cx += slope[a, 0] * phase
+        cy += slope[a, 1] * phase
+        c0 += curvature[a, 0] * phase
+        c1 += curvature[a, 1] * phase
+        c2 += curvature[a, 2] * phase
+    return c, cx, cy, c0, c1, c2
+
+
 @njit(cache=True, parallel=True)
 def fourth_order_matrices(
     unknowns, value, slope, curvature, volume, reaction, resistance, diffusion, bending, nodal, local, out_of_balance
@@ -133,15 +148,7 @@ def fourth_order_matrices(
         local[e, :] = 0.0
         out_of_balance[e, :] = 0.0
         for q in range(slope.shape[1]):
-            c = cx = cy = c0 = c1 = c2 = 0.0
-            for a in range(unknowns.shape[1]):
-                phase = nodal[unknowns[e, a]]
-                c += value[e, q, a] * phase
-                cx += slope[e, q, a, 0] * phase
-                cy += slope[e, q, a, 1] * phase
-                c0 += curvature[e, q, a, 0] * phase
-                c1 += curvature[e, q, a, 1] * phase
-                c2 += curvature[e, q, a, 2] * phase
+            c, cx, cy, c0, c1, c2 = _smooth_scalar(unknowns[e], value[e, q], slope[e, q], curvature[e, q], nodal)
             w = volume[e, q]
             source = (resistance[e] - reaction[e, q] * c) * w
             entry = 0
@@ -163,15 +170,7 @@ def smooth_scalar_at_points(unknowns, value, slope, curvature, nodal, scalar, sl
     """Value, squared gradient and quadratic form of gamma of a scalar at the Gauss points, all (n_el, n_gauss)."""
     for e in prange(unknowns.shape[0]):
         for q in range(slope.shape[1]):
-            c = cx = cy = c0 = c1 = c2 = 0.0
-            for a in range(unknowns.shape[1]):
-                phase = nodal[unknowns[e, a]]
-                c += value[e, q, a] * phase
-                cx += slope[e, q, a, 0] * phase
-                cy += slope[e, q, a, 1] * phase
-                c0 += curvature[e, q, a, 0] * phase
-                c1 += curvature[e, q, a, 1] * phase
-                c2 += curvature[e, q, a, 2] * phase
+            c, cx, cy, c0, c1, c2 = _smooth_scalar(unknowns[e], value[e, q], slope[e, q], curvature[e, q], nodal)
             scalar[e, q] = c
             slope_squared[e, q] = cx * cx + cy * cy
             curvature_squared[e, q] = c0 * c0 + c1 * c1 + c2 * c2

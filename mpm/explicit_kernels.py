@@ -58,6 +58,15 @@ def _basis(k, xi, value, slope):
         _linear(xi, value, slope)
 
 
+@njit(inline="always")
+def _second_derivatives(k, xi, bend):
+    """Second derivatives (k,) of the splines of ``_basis``; none of linear ones is square integrable."""
+    if k == 3:
+        bend[0], bend[1], bend[2] = 1.0, -2.0, 1.0
+    else:
+        bend[0], bend[1], bend[2], bend[3] = 1.0 - xi, 3.0 * xi - 2.0, 1.0 - 3.0 * xi, xi
+
+
 @njit(cache=True)
 def spline_values(order, xi):
     """Values (order + 1,) of the splines of a cell at xi in [0, 1]."""

@@ -10,29 +10,35 @@ from scipy.ndimage import binary_dilation
 
 from cases import Case
 from numerics.costs import Costs
-from numerics.phase_field_window import BLOCK, RINGS, conjugate_gradients, fold
+from numerics.phase_field_window import BLOCK, RINGS, conjugate_gradients, fold, row_products
 from physics.elasticity import MaterialTable
 from physics.phase_field import BROKEN, PhaseFieldCoefficients
 
 from . import phase_field_kernels
 from .moving_body import MovingBody
 
+#: cells that a point may stray before the nodal phase field at its place is found anew, at order 4
+STRAY = 0.05
 _SQUARE = np.ones((3, 3), bool)
 
 
 class PointPhaseField:
     """The phase field of one body (Eq. 4.16), solved on blocks of cells around the points where it would change.
 
-    Nothing is held at the rim of the blocks, where the solution is cut off; one further ring of blocks is solved for
-    and forgotten. The nodal values are kept as the start of the next solution.
+    One further ring of blocks is solved for and forgotten. At order 2 nothing is held at the rim of the blocks, where
+    the solution is cut off, and the nodal values are kept as the start of the next solution. At order 4, whose bends
+    reach further, the nodes outside keep theirs: points in cracks that stray from where these were found count as
+    changing.
     """
 
     def __init__(self, case: Case, number: int, body: MovingBody, costs: Costs) -> None:
         self._body, self._costs, self._tolerance = body, costs, case.staggered.tolerance
-        of_body = PhaseFieldCoefficients(MaterialTable(case), np.array([number]))
+        materials = MaterialTable(case)
+        of_body = PhaseFieldCoefficients(materials, np.array([number]))
         self._drive, self._resistance = float(of_body.drive[0]), float(of_body.resistance[0])
         self._diffusion, self._toughness = float(of_body.diffusion[0]), float(of_body.toughness[0])
         self._length_scale = float(of_body.length_scale[0])
+        self._bending, self._operator = float(of_body.bending[0]), materials.curvature[number]
         self._block = max(1, round(BLOCK * self._length_scale / body.h))
         self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
         self._nodal = np.ones(0)
@@ -55,6 +61,13 @@ class PointPhaseField:
             body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, p.history, self._toughness,
             self._length_scale, now, BROKEN, p.c, p.crack_energy, p.solved_for, p.broken_at,
         )  # fmt: skip
+        if self._bending:
+            phase_field_kernels.add_curvature_energy(
+                body.order, body.strips, p.x, p.y, p.turn, self._operator, 0.5 * self._bending, 1.0 / body.h, body.width,
+                inside, self._nodal, p.crack_energy,
+            )  # fmt: skip
+            found = inside[p.x.astype(int) * body.width + p.y.astype(int)]
+            p.stray_x[found], p.stray_y[found] = 0.0, 0.0
 
     def _changing_blocks(self) -> NDArray:
         body, p = self._body, self._body.points
@@ -64,14 +77,23 @@ class PointPhaseField:
             body.strips, p.x, p.y, p.history, p.solved_for, p.c, self._drive, self._resistance, self._tolerance,
             self._block, shape[1], marked.reshape(-1),
         )  # fmt: skip
+        if self._bending:
+            strayed = (p.c < 1.0 - self._tolerance) & (np.maximum(np.abs(p.stray_x), np.abs(p.stray_y)) > STRAY)
+            marked[p.x[strayed].astype(int) // self._block, p.y[strayed].astype(int) // self._block] = True
         return marked
 
     def _keep_nodes(self) -> None:
-        """Forget the nodal values when the body's window has moved; they are but the start of the solution."""
-        window = (self._body.corner, self._body.shape)
-        if not all(np.array_equal(a, b) for a, b in zip(window, self._window, strict=True)):
-            self._window = (window[0].copy(), window[1].copy())
-            self._nodal = np.ones(int(np.prod(window[1])))
+        """Take the nodal values along when the body's window of the lattice has moved."""
+        corner, shape = self._body.corner, self._body.shape
+        old_corner, old_shape = self._window
+        if np.array_equal(corner, old_corner) and np.array_equal(shape, old_shape):
+            return
+        nodal, old = np.ones(shape), self._nodal.reshape(old_shape)
+        lower, upper = np.maximum(corner, old_corner), np.minimum(corner + shape, old_corner + old_shape)
+        if (upper > lower).all():
+            here, there = (np.s_[x:X, y:Y] for (x, y), (X, Y) in ((lower - c, upper - c) for c in (corner, old_corner)))
+            nodal[here] = old[there]
+        self._window, self._nodal = (corner.copy(), shape.copy()), nodal.reshape(-1)
 
     def _cells_of(self, blocks: NDArray) -> NDArray:
         """Cells (m,) of the marked blocks, as numbers of their first nodes."""
@@ -92,15 +114,28 @@ class PointPhaseField:
             body.order, body.strips, p.x, p.y, p.volume, p.history, self._drive, self._resistance, self._diffusion,
             1.0 / body.h, width, number, local, right_side,
         )  # fmt: skip
+        if self._bending:
+            phase_field_kernels.add_curvature_terms(
+                body.order, body.strips, p.x, p.y, p.volume, p.turn, self._operator, self._bending, 1.0 / body.h, width,
+                number, local,
+            )  # fmt: skip
         offsets = (np.arange(k)[:, None] * width + np.arange(k)).ravel()
         nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)
-        return self._solve_rows(nodes_of_cells, local, right_side)
+        return self._solve_rows(number, nodes_of_cells, local, right_side)
 
-    def _solve_rows(self, nodes_of_cells: NDArray, local: NDArray, parts: NDArray) -> int:
+    def _held(self, number: NDArray) -> NDArray:
+        """Nodes (n_nodes,) that keep their value: at order 4, those of points in cells outside the window."""
+        body, held = self._body, np.zeros(len(self._nodal), bool)
+        if self._bending:
+            phase_field_kernels.mark_outside(body.order, body.points.x, body.points.y, body.width, number, held)
+        return held
+
+    def _solve_rows(self, number: NDArray, nodes_of_cells: NDArray, local: NDArray, parts: NDArray) -> int:
         """Each row couples a node with those up to ``order`` away in both directions."""
         order, width = self._body.order, self._body.width
         used = np.zeros(len(self._nodal), bool)
         used[nodes_of_cells.ravel()] = True
+        used[self._held(number)] = False
         nodes = np.flatnonzero(used)
         # one row more stands for all nodes that do not take part
         rows = np.full(len(self._nodal), len(nodes), np.int32)
@@ -110,9 +145,13 @@ class PointPhaseField:
         neighbours = rows[np.clip(near, 0, len(rows) - 1)]
         values, right_side = np.zeros((len(nodes) + 1, len(span) ** 2)), np.zeros(len(nodes) + 1)
         fold(rows[nodes_of_cells], self._slots, local, parts, values, right_side)
-        solution, diagonal = self._nodal[nodes], np.full(len(nodes), len(span) ** 2 // 2)
-        iterations = conjugate_gradients(neighbours, values[:-1], diagonal, right_side[:-1], solution)
-        self._nodal[nodes] = solution
+        product, diagonal = np.empty(len(nodes)), np.full(len(nodes), len(span) ** 2 // 2)
+        row_products(np.clip(near, 0, len(rows) - 1), values, self._nodal, product)
+        sources = right_side[:-1]
+        correction, iterations = conjugate_gradients(
+            neighbours, values[:-1], diagonal, sources - product, sources if self._bending else None
+        )
+        self._nodal[nodes] += correction
         return iterations
 
     @property

@@ -35,7 +35,8 @@ class Points:
     ``history`` and ``g`` are phase field, history field [stress] and degradation; ``psi_plus, psi_minus`` the energy
     densities before degradation [stress]; ``solved_for`` is the history field that the phase field was solved for,
     ``crack_energy`` the energy of cracks in a unit volume [stress] and ``broken_at`` the time at which a point broke, NaN
-    before.
+    before. Where the fracture energy has a direction, ``turn`` is how far the material has turned [radian] and ``stray_x,
+    stray_y`` in cells how far the point has moved since its phase field was found.
     """
 
     number: NDArray
@@ -67,6 +68,9 @@ class Points:
     solved_for: NDArray
     crack_energy: NDArray
     broken_at: NDArray
+    turn: NDArray
+    stray_x: NDArray
+    stray_y: NDArray
 
 
 @dataclass
@@ -134,6 +138,7 @@ class MovingBody:
         self.density = float(table.density[number])
         self.breakable, self.split = bool(table.breakable[number]) and not self.rigid, int(table.split[number])
         self.residual_stiffness = float(table.residual_stiffness[number])
+        self._has_axes = bool(table.fourth_order[number]) and not self.rigid
 
     def _make_points(self, cloud: PointCloud, places: NDArray, velocity: NDArray) -> Points:
         x, y = (cloud.positions[places] - self.origin).T / self.h
@@ -273,9 +278,14 @@ class MovingBody:
         assert dynamics is not None
         self.kernels.strains(
             self.strips, points.x, points.y, self.grid.vx, self.grid.vy, self.width, step / self.h,
-            dynamics.rotation == "corotational", dynamics.affine / self.h, points.exx, points.eyy, points.gxy,
-            points.cxx, points.cxy, points.cyx, points.cyy, points.moved_x, points.moved_y,
+            dynamics.rotation == "corotational", (dynamics.affine or self._has_axes) / self.h,
+            points.exx, points.eyy, points.gxy, points.cxx, points.cxy, points.cyx, points.cyy,
+            points.moved_x, points.moved_y,
         )  # fmt: skip
+        if self._has_axes:
+            points.turn += 0.5 * step * (points.cyx - points.cxy)
+            points.stray_x += step / self.h * points.moved_x
+            points.stray_y += step / self.h * points.moved_y
         self.evaluate_stresses()
 
     def evaluate_stresses(self) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from moving_plate import MOVING, PLATE, PULLED, STILL, all_steps, plate_case, run_to
 
 from cases import CaseError, load_case
 from fem_reference import ExplicitFiniteElements, FiniteElements
@@ -24,23 +25,6 @@ BAR = """
     ]
     dynamics = { end_time = 4.0, time_step_share = <share> }
     mesh = { h = <h> }
-    runs = { fem = { solver = "fem" } }
-"""
-PLATE = """
-    title = "Notched plate pulled at once"
-    requirement = "The phase field is the same wherever it is solved."
-    units = { length = "mm", force = "N", time = "us" }
-    plane = { assumption = "strain" }
-    materials.glass.young = 32000.0
-    materials.glass.poisson = 0.2
-    materials.glass.density = 2450.0
-    materials.glass.fracture = { toughness = 0.003, length_scale = 0.5 }
-    bodies.plate = { material = "glass", shape = { rectangle = { lower = [0.0, 0.0], upper = [30.0, 20.0] } } }
-    notches = [{ kind = "history", start = [0.0, 10.0], end = [10.0, 10.0], factor = 1000.0 }]
-    tractions = [{ on = "top", value = [0.0, 2.0] }, { on = "bottom", value = [0.0, -2.0] }]
-    dynamics = { end_time = 16.0, time_step_rule = "courant", time_step_share = 0.8 }
-    staggered = { scheme = "passes", passes = <passes>, tolerance = <tolerance> }
-    mesh = { h = 0.5 }
     runs = { fem = { solver = "fem" } }
 """
 LENGTH, SPEED = 10.0, 10.0
@@ -113,25 +97,14 @@ def test_the_work_of_a_moved_boundary_becomes_energy(tmp_path):
 
 
 def plate(tmp_path: Path, tolerance: float = 1e-3, passes: int = 1) -> ExplicitFiniteElements:
-    return ExplicitFiniteElements(case_of(tmp_path, PLATE, tolerance=tolerance, passes=passes))
-
-
-def run_to(body: ExplicitFiniteElements, first: int, last: int) -> None:
-    size = body.case.dynamics.end_time / number_of_steps(body.case, body.stable_step())
-    for step in range(first, last):
-        body.step(step * size, size)
-
-
-def all_steps(body: ExplicitFiniteElements) -> int:
-    return number_of_steps(body.case, body.stable_step())
+    texts = (PLATE, MOVING, PULLED)
+    return ExplicitFiniteElements(plate_case(tmp_path, *texts, run="fem", tolerance=tolerance, passes=passes))
 
 
 def test_the_first_phase_field_is_that_of_the_quasi_static_solver(tmp_path):
     body = plate(tmp_path)
     body.balance()
-    lines = [line for line in PLATE.splitlines() if not line.strip().startswith(("dynamics", "tractions", "staggered"))]
-    text = "\n".join([*lines, "    load = { path = [0.0] }"])
-    reference = FiniteElements(case_of(tmp_path, text))
+    reference = FiniteElements(plate_case(tmp_path, PLATE, STILL, run="fem"))
     expected = reference.solve_phase_field(reference.history_field)
     assert expected.min() < 0.05
     np.testing.assert_allclose(body.fields().phase_field, expected, atol=2e-4)
@@ -151,9 +124,9 @@ def test_a_window_gives_the_fracture_energy_of_the_whole(tmp_path):
 
 
 def fracture_energy(tmp_path: Path, share: float, passes: int) -> float:
-    text = PLATE.replace("time_step_share = 0.8", f"time_step_share = {share}")
-    text = text.replace("end_time = 16.0", "end_time = 12.0")
-    body = ExplicitFiniteElements(case_of(tmp_path, text, passes=passes, tolerance=1e-4))
+    moving = MOVING.replace("time_step_share = 0.8", f"time_step_share = {share}").replace("16.0", "12.0")
+    texts = (PLATE, moving, PULLED)
+    body = ExplicitFiniteElements(plate_case(tmp_path, *texts, run="fem", passes=passes, tolerance=1e-4))
     start = body.balance().fracture
     run_to(body, 0, all_steps(body))
     return body.balance().fracture - start

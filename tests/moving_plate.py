@@ -1,0 +1,52 @@
+"""A notched plate in motion, for tests of the explicit solvers' phase fields: parts of its case, how to run it."""
+
+import textwrap
+from pathlib import Path
+
+from cases import Case, load_case
+from numerics.explicit import number_of_steps
+
+PLATE = """
+    title = "Notched plate pulled at once"
+    requirement = "The phase field is the same wherever it is solved."
+    units = { length = "mm", force = "N", time = "us" }
+    plane = { assumption = "strain" }
+    materials.glass.young = 32000.0
+    materials.glass.poisson = 0.2
+    materials.glass.density = 2450.0
+    materials.glass.fracture = { toughness = 0.003, length_scale = 0.5 }
+    materials.steel = { young = 210000.0, poisson = 0.3, density = 7850.0 }
+    bodies.plate.material = "glass"
+    bodies.plate.shape = { rectangle = { lower = [0.0, 0.0], upper = [30.0, 20.0] } }
+    notches = [{ kind = "history", start = [0.0, 10.0], end = [10.0, 10.0], factor = 1000.0 }]
+    mesh = { h = 0.5 }
+    mpm = { order = 2, fill_cells = false }
+    runs = { mpm = { solver = "mpm" }, fem = { solver = "fem" } }
+"""
+MOVING = """
+    dynamics = { end_time = 16.0, time_step_rule = "courant", time_step_share = 0.8 }
+    staggered = { scheme = "passes", passes = <passes>, tolerance = <tolerance> }
+"""
+PULLED = '    tractions = [{ on = "top", value = [0.0, 2.0] }, { on = "bottom", value = [0.0, -2.0] }]\n'
+FLYING = "    bodies.plate.velocity = [0.05, 0.02]\n"
+STILL = "    load = { path = [0.0] }\n"
+
+
+def plate_case(tmp_path: Path, *texts: str, run: str = "mpm", tolerance: float = 1e-3, passes: int = 1) -> Case:
+    """The case of some of the texts above."""
+    text = "".join(texts).replace("<tolerance>", str(tolerance)).replace("<passes>", str(passes))
+    file = tmp_path / "case.toml"
+    file.write_text(textwrap.dedent(text))
+    return load_case(file, run=run)
+
+
+def all_steps(solver) -> int:
+    """Number of steps to the end."""
+    return number_of_steps(solver.case, solver.stable_step())
+
+
+def run_to(solver, first: int, last: int) -> None:
+    """The steps from one to another."""
+    size = solver.case.dynamics.end_time / all_steps(solver)
+    for step in range(first, last):
+        solver.step(step * size, size)
