@@ -30,7 +30,7 @@ verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= qui
 	if [ $$verdict -eq 0 ]; then exit $$ran; fi; exit $$verdict
 
 test: .venv/installed ## run the tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: .venv/installed ## style, types and the import contract
 	$(BIN)/ruff check .
