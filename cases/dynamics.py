@@ -48,6 +48,13 @@ class Dynamics(Table):
             raise BrokenRuleError("stands beside the rule for it", remedy, "time_step", self.time_step)
         return self
 
+    @model_validator(mode="after")
+    def _keeps_gradients_that_are_updated(self) -> Dynamics:
+        # mapped again, the points' old gradients would be taken for new ones: no force could ever change them
+        if self.affine and self.order_of_update == "musl":
+            raise BrokenRuleError("is unstable at any step with the affine map", 'give "usl"', "order_of_update", "musl")
+        return self
+
 
 class Traction(Table):
     """Force per area on the edge of the bodies along a boundary set.

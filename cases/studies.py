@@ -67,11 +67,11 @@ class Varied(Table):
 
     Attributes
     ----------
-    run : whose case is changed
+    run : whose case is changed; of a sweep one run by its whole name
     change : tables merged over that run's, before those of the levels
     """
 
-    run: Name
+    run: str
     change: Tables = Field(default_factory=dict)
     levels: Levels
 
@@ -169,7 +169,7 @@ class Map(Table):
     """
 
     title: str = ""
-    run: Name | None = None
+    run: str | None = None
     probe: Name | None = None
     change: Tables = Field(default_factory=dict)
     x: Levels

@@ -85,26 +85,49 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
     return motions
 
 
-def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
+class PointsOn:
     """Selector of material points on a boundary set, held at their edges if ``at_edges``."""
-    box = case.bounding_box()
 
-    def on_edge(boundary: BoundarySet, edge: str) -> tuple[NDArray, NDArray]:
+    def __init__(self, case: Case, cloud: PointCloud, at_edges: bool) -> None:
+        self._cloud, self._at_edges, self._box = cloud, at_edges, case.bounding_box()
+
+    def __call__(self, boundary: BoundarySet) -> tuple[NDArray, NDArray]:
+        """Numbers (n,) of the points and, from each, the offset (n, 2) of the place where it is held [length]."""
+        edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
+        if edges:
+            places, offsets = zip(*(self._on_edge(boundary, edge) for edge in edges), strict=True)
+            return np.concatenate(places), np.concatenate(offsets)
+        if self._at_edges and boundary.point:
+            return self._in_region(boundary.point, boundary.point)
+        if self._at_edges and boundary.box:
+            return self._in_region(boundary.box.lower, boundary.box.upper)
+        if self._at_edges and boundary.circle:
+            return self._on_circle(boundary.circle)
+        if self._at_edges and boundary.segment:
+            return self._on_segment(boundary.segment)
+        reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(self._cloud.size.prod(axis=1))
+        chosen = np.flatnonzero(boundary.select(self._cloud.positions, reach, self._box))  # type: ignore[arg-type]
+        return chosen, np.zeros((len(chosen), 2))
+
+    def _on_edge(self, boundary: BoundarySet, edge: str) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach an edge of the bounding box, held on it."""
+        cloud = self._cloud
         across, corner = (0 if edge in ("left", "right") else 1), int(edge in ("right", "top"))
         one = boundary.model_copy(update={"edge": edge, "edges": None})
         reach = REACH * cloud.size[:, across]
-        places = np.flatnonzero(one.select(cloud.positions, reach, box))  # type: ignore[arg-type]
+        places = np.flatnonzero(one.select(cloud.positions, reach, self._box))  # type: ignore[arg-type]
         offset = np.zeros((len(places), 2))
-        if at_edges:
-            offset[:, across] = box[corner][across] - cloud.positions[places, across]
+        if self._at_edges:
+            offset[:, across] = self._box[corner][across] - cloud.positions[places, across]
         return places, offset
 
-    def in_region(lower: Pair, upper: Pair) -> tuple[NDArray, NDArray]:
+    def _in_region(self, lower: Pair, upper: Pair) -> tuple[NDArray, NDArray]:
         """Points whose rectangles reach into a box, held at the nearest place in it.
 
         A rectangle that only touches the box's end is left out, and so is one that ends on a flat box where one
         beside it begins: a place held from two cells would stiffen both as soon as it moves.
         """
+        cloud = self._cloud
         start = cloud.positions + cloud.corner
         end = start + cloud.size
         slack = (REACH - 0.5) * cloud.size
@@ -121,38 +144,21 @@ def points_on(case: Case, cloud: PointCloud, at_edges: bool) -> Selector:
         held = np.flatnonzero(reaching)
         return held, np.clip(cloud.positions[held], lower, upper) - cloud.positions[held]
 
-    def on_circle(circle: Circle) -> tuple[NDArray, NDArray]:
+    def _on_circle(self, circle: Circle) -> tuple[NDArray, NDArray]:
         """Points whose rectangles reach the circle, held at the nearest place on it."""
+        cloud = self._cloud
         outward = cloud.positions - np.asarray(circle.centre)
         distance = np.linalg.norm(outward, axis=1)
         reach = REACH * np.sqrt(2.0) * cloud.size.max(axis=1)
         places = np.flatnonzero(np.abs(distance - circle.radius) <= reach)
         return places, outward[places] * (circle.radius / distance[places] - 1.0)[:, None]
 
-    def on_segment(ends: tuple[Pair, Pair]) -> tuple[NDArray, NDArray]:
+    def _on_segment(self, ends: tuple[Pair, Pair]) -> tuple[NDArray, NDArray]:
         """Points whose rectangles reach the segment, held at the nearest place on it."""
+        cloud = self._cloud
         offset = nearest_on_segment(cloud.positions, ends) - cloud.positions
         places = np.flatnonzero((np.abs(offset) <= REACH * cloud.size).all(axis=1))
         return places, offset[places]
-
-    def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
-        edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
-        if edges:
-            places, offsets = zip(*(on_edge(boundary, edge) for edge in edges), strict=True)
-            return np.concatenate(places), np.concatenate(offsets)
-        if at_edges and boundary.point:
-            return in_region(boundary.point, boundary.point)
-        if at_edges and boundary.box:
-            return in_region(boundary.box.lower, boundary.box.upper)
-        if at_edges and boundary.circle:
-            return on_circle(boundary.circle)
-        if at_edges and boundary.segment:
-            return on_segment(boundary.segment)
-        reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(cloud.size.prod(axis=1))
-        chosen = np.flatnonzero(boundary.select(cloud.positions, reach, box))  # type: ignore[arg-type]
-        return chosen, np.zeros((len(chosen), 2))
-
-    return select
 
 
 def nodes_on(case: Case, nodes: NDArray) -> Selector:

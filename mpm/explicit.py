@@ -21,7 +21,7 @@ from .contact import Contact
 from .explicit_phase_field import PointPhaseField
 from .grid import GridError
 from .moving_body import MovingBody
-from .placement import place_in_bodies
+from .placement import PointCloud, place_in_bodies
 from .prescribed import Tractions, held_lines
 
 
@@ -34,11 +34,11 @@ class ExplicitMaterialPoints:
     phase_fields : of the bodies that can break.
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: Case, cloud: PointCloud | None = None) -> None:
         assert case.dynamics is not None
         self.case, self.costs = case, Costs()
         self._check()
-        self.cloud = place_in_bodies(case)
+        self.cloud = cloud or place_in_bodies(case)
         self.bodies = [MovingBody(case, number, self.cloud) for number in range(len(case.bodies))]
         self._moving = [body for body in self.bodies if not body.rigid]
         self._start_from_exact()

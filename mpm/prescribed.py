@@ -13,7 +13,7 @@ from cases import Case
 from cases.boundaries import BoundarySet
 from cases.dynamics import Traction
 
-from .constraints import DIRECTIONS, points_on
+from .constraints import DIRECTIONS, PointsOn
 from .explicit_kernels import spline_values
 from .grid import GridError
 from .moving_body import MovingBody
@@ -89,7 +89,7 @@ def hold(first, stride, weights, mass, velocity, target):
 
 def held_lines(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> list[HeldLine]:
     """The constraints of a case on its moving bodies."""
-    select = points_on(case, cloud, at_edges=True)
+    select = PointsOn(case, cloud, at_edges=True)
     lines = []
     for number, constraint in enumerate(case.constraints):
         if constraint.direction == "phase":
@@ -132,7 +132,7 @@ class Tractions:
     """Tractions along boundary sets, on the points that have an edge there; they go with the points."""
 
     def __init__(self, case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> None:
-        select, box = points_on(case, cloud, at_edges=True), case.bounding_box()
+        select, box = PointsOn(case, cloud, at_edges=True), case.bounding_box()
         self._loads: list[tuple[MovingBody, Traction, NDArray, NDArray]] = []
         for number, traction in enumerate(case.tractions):
             boundary = case.boundaries[traction.on]

@@ -22,7 +22,7 @@ from physics.phase_field import PhaseFieldCoefficients, crack_density, degradati
 
 from . import kernels
 from .active_grid import ActiveGrid
-from .constraints import Motion, PointPenalty, displacement_motions, nodes_on, points_on
+from .constraints import Motion, PointPenalty, PointsOn, displacement_motions, nodes_on
 from .grid import Grid, GridError
 from .integration import Rectangles, integrate_cells
 from .placement import place_points
@@ -106,7 +106,7 @@ class MaterialPoints:
             grid.check_edges_interpolate()
             self._node_motions = displacement_motions(case, nodes_on(case, grid.nodes), grid.nodes)
         else:
-            on_points = points_on(case, self.cloud, at_edges=case.mpm.constraints_on == "edges")
+            on_points = PointsOn(case, self.cloud, at_edges=case.mpm.constraints_on == "edges")
             self._point_motions = displacement_motions(case, on_points, self.cloud.positions)
         self._penalties = PointPenalty(case, self._point_motions, self._stiffness())
         self._phase_fixed, self._phase_value = np.zeros(grid.n_nodes, bool), np.zeros(grid.n_nodes)

@@ -164,4 +164,5 @@ def remaining_distance(change: float, before: float) -> float:
 
 
 def updated_history(case: Case, committed: NDArray, tensile_energy: NDArray) -> NDArray:
+    """History field (n_points,): the largest tensile energy so far, or that of now where cracks may heal."""
     return update_history(committed, tensile_energy) if case.staggered.irreversible else tensile_energy

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .results import CaseResults
 
 FAILED = ("no_convergence", "failed")
-COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations"}
+COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations, or points × steps"}
 MARKERS = "osD^vP"
 
 
@@ -50,16 +50,12 @@ def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
     for axis, words in zip(axes[-1], COSTS.values(), strict=True):
         axis.set_xlabel(words)
         axis.xaxis.set_minor_formatter(NullFormatter())
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4))
+    legends = [axis.get_legend_handles_labels() for axis in axes[:, 0]]
+    drawn = {label: handle for handles, labels in legends for handle, label in zip(handles, labels, strict=True)}
+    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=min(len(drawn), 4))
     name = f"chart-{style.slug(file.stem)}"
-    return style.Drawing(
-        name,
-        f"Accuracy against cost: {title or file.stem}",
-        _caption(file, table),
-        style.save(figure, folder, name),
-        style.save_data(table, folder, name),
-    )
+    title = f"Accuracy against cost: {title or file.stem}"
+    return style.drawing(figure, folder, name, title, _caption(file, table), table)
 
 
 def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, str]) -> None:

@@ -74,13 +74,11 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
         axes.legend(loc="best")
     tables = [run.history[["u", "F"]].assign(run=run.name) for run in runs]
     tables += [points[["u", "F"]].assign(run=f"published: {name}") for name, points in published]
-    return style.Drawing(
-        "load-displacement",
-        "Load and displacement",
+    return style.drawing(
+        figure, folder, "load-displacement", "Load and displacement",
         f"Reaction force over displacement of {listed(run_label(run) for run in runs)}; "
         "a ring marks the peak of each run. " + _published_caption(results, published),
-        style.save(figure, folder, "load-displacement"),
-        style.save_data(pd.concat(tables)[["run", "u", "F"]], folder, "load-displacement"),
+        pd.concat(tables)[["run", "u", "F"]],
     )
 
 
@@ -157,10 +155,7 @@ def _relative_error(
         f"Relative error of the force against {reference}, Eq. 4.19. Its L2 norm: "
         f"{'; '.join(_norms_in_words(curve) for curve in curves)}.{scaled}"
     )
-    return style.Drawing(
-        name, f"Relative error against {reference}", caption,
-        style.save(figure, folder, name), style.save_data(together, folder, name),
-    )  # fmt: skip
+    return style.drawing(figure, folder, name, f"Relative error against {reference}", caption, together)
 
 
 def _norms_in_words(curve: Mapping[str, Any]) -> str:
@@ -208,12 +203,10 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
     handles, labels = grid.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     left_out = f" {len(runs) - len(shown)} further runs are in the CSV." if len(shown) < len(runs) else ""
-    return style.Drawing(
-        "energies",
-        "Energies",
+    return style.drawing(
+        figure, folder, "energies", "Energies",
         f"Energies over displacement. {_balance_caption(shown)}{left_out}",
-        style.save(figure, folder, "energies"),
-        style.save_data(pd.concat([_energy_table(run) for run in runs]), folder, "energies"),
+        pd.concat([_energy_table(run) for run in runs]),
     )
 
 
@@ -310,13 +303,11 @@ def _convergence(measure: str, table: pd.DataFrame, results: CaseResults, folder
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.legend(loc="best")
     name = f"convergence-{style.slug(measure)}"
-    return style.Drawing(
-        name,
-        f"Convergence: {measure.replace('_', ' ').replace('l2', 'L2')}",
+    return style.drawing(
+        figure, folder, name, f"Convergence: {measure.replace('_', ' ').replace('l2', 'L2')}",
         f"Error over spacing; slopes fitted by least squares to all levels: {'; '.join(said)}. "
         "Grey triangles show the slope that theory predicts.",
-        style.save(figure, folder, name),
-        style.save_data(table, folder, name),
+        table,
     )
 
 

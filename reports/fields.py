@@ -184,7 +184,7 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
         f"Phase field of {listed(run_label(run) for run in runs)} in reference coordinates, "
         "one colour scale. FEM: nodal values; MPM: each place as the nearest material point."
     )
-    return style.Drawing("phase-field", "Phase field", caption, style.save(figure, folder, "phase-field"))
+    return style.drawing(figure, folder, "phase-field", "Phase field", caption)
 
 
 def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | None:
@@ -214,7 +214,7 @@ def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | No
         f"±{number(limit, 3)} {results.unit('stress')}."
     )
     name = "hydrostatic-stress"
-    return style.Drawing(name, "Hydrostatic stress", caption, style.save(drawn[0], folder, name))
+    return style.drawing(drawn[0], folder, name, "Hydrostatic stress", caption)
 
 
 def _stress_limit(runs: Sequence[RunResults], wanted: Sequence[float]) -> float | None:
@@ -253,10 +253,7 @@ def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
         f"element is turned inside out (Fig. 4.22 of the thesis). The last stored state is at u = {number(rows[-1][0])} "
         f"{results.unit('displacement')}."
     )
-    return style.Drawing(
-        "element-quality", "Element quality", caption, style.save(figure, folder, "element-quality"),
-        style.save_data(table, folder, "element-quality"),
-    )  # fmt: skip
+    return style.drawing(figure, folder, "element-quality", "Element quality", caption, table)
 
 
 def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
@@ -286,9 +283,7 @@ def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
         f"c = {style.BROKEN_BELOW:g} are coloured, material points below it are removed "
         "(Figs. 4.8 and 4.9 of the thesis)."
     )
-    return style.Drawing(
-        "distortion", "Distorted mesh and material points", caption, style.save(figure, folder, "distortion")
-    )
+    return style.drawing(figure, folder, "distortion", "Distorted mesh and material points", caption)
 
 
 def _largest_common(results: CaseResults, fem: RunResults, mpm: RunResults) -> tuple[float, float]:
@@ -409,10 +404,7 @@ def crack_paths(results: CaseResults, folder: Path) -> style.Drawing | None:
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     table = pd.concat([pd.DataFrame(run.crack_path, columns=["x", "y"]).assign(run=run.name) for run in runs])
     caption = f"Crack paths of {listed(run_label(run) for run in runs)} in reference coordinates. "
-    return style.Drawing(
-        "crack-paths", "Crack paths", caption + distances_in_words(results),
-        style.save(figure, folder, "crack-paths"), style.save_data(table, folder, "crack-paths"),
-    )  # fmt: skip
+    return style.drawing(figure, folder, "crack-paths", "Crack paths", caption + distances_in_words(results), table)
 
 
 def _draw_path(axes: Axes, run: RunResults, colour: str) -> None:

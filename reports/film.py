@@ -174,4 +174,4 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
         axes.set_xlabel(f"x [{results.unit('length')}]")
     figure.colorbar(painted, ax=grid, shrink=0.85, aspect=30, pad=0.015, label="phase field c (0 broken, 1 intact)")
     caption = "Phase field where the material is at the time; displacements are not magnified."
-    return style.Drawing("phase-field", "Phase field", caption, style.save(figure, folder, "phase-field"))
+    return style.drawing(figure, folder, "phase-field", "Phase field", caption)

@@ -24,7 +24,9 @@ FAILURES = {
     "numerical fracture": ("#D55E00", "/"),
     "timeout": ("#8a8f98", "T"),
     "not possible": ("#eceef1", ""),
+    "slides": ("#E69F00", ""),
 }
+GOOD = ("stable", "holds")
 ACCURATE = ("#0072B2", "#56B4E9", "#A6D3F0", "#D6EAF8")
 
 
@@ -53,24 +55,24 @@ def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
     axis.set_xticks(range(len(columns)), [_short(value) for value in columns])
     axis.set_yticks(range(len(rows)), [_short(value) for value in rows])
     axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
-    axis.set(xlabel=", ".join(chosen.x), ylabel=", ".join(chosen.y))
+    axis.set(xlabel=_label(chosen.x), ylabel=_label(chosen.y))
     for verdict, colour in colours.items():
         axis.fill_between([], [], color=colour, label=verdict)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     name = f"map-{style.slug(file.stem)}"
-    return style.Drawing(
-        name,
-        f"Where it fails: {chosen.title or file.stem}",
-        _caption(table, borders),
-        style.save(figure, folder, name),
-        style.save_data(table, folder, name),
-    )
+    title = f"Where it fails: {chosen.title or file.stem}"
+    return style.drawing(figure, folder, name, title, _caption(table, borders), table)
+
+
+def _label(levels: dict[str, tuple[Any, ...]]) -> str:
+    """The keys that differ from level to level."""
+    return ", ".join(key for key, values in levels.items() if any(value != values[0] for value in values))
 
 
 def _colours(table: pd.DataFrame) -> dict[str, str]:
     found = list(dict.fromkeys(table["verdict"]))
     accurate = sorted((v for v in found if v.startswith("within")), key=lambda verdict: float(verdict.split()[1]))
-    good = dict(zip(["stable", *accurate] if "stable" in found else accurate, ACCURATE, strict=False))
+    good = dict(zip([*(v for v in found if v in GOOD), *accurate], ACCURATE, strict=False))
     beyond = {verdict: "#F6D7C3" for verdict in found if verdict.startswith("beyond")}
     bad = {verdict: FAILURES.get(verdict, ("#D55E00", "?"))[0] for verdict in found if verdict not in good | beyond}
     return good | beyond | bad
@@ -80,7 +82,8 @@ def _draw_cell(axis: Any, cell: pd.Series, column: int, row: int, colours: dict[
     colour = colours[cell["verdict"]]
     axis.fill_between([column - 0.48, column + 0.48], row - 0.48, row + 0.48, color=colour, linewidth=0)
     mark = FAILURES.get(cell["verdict"], ("", ""))[1]
-    said = f"{100 * cell['error']:.2g} %" if np.isfinite(cell["error"]) else mark
+    iterations = f"{cell['iterations']}" if cell["iterations"] and not mark else mark
+    said = f"{number(100 * cell['error'], 2)} %" if np.isfinite(cell["error"]) else iterations
     dark = colour in ACCURATE[:1]
     axis.text(column, row, said, ha="center", va="center", fontsize=7, color="white" if dark else style.INK)
 

@@ -63,13 +63,11 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
         axes.tick_params(labelbottom=True)
     figure.legend(*grid.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(len(runs), 3))
     said = listed(f"{number(np.abs(missing[run.name]).max(), 2)} % ({run.name})" for run in runs)
-    return style.Drawing(
-        "energies",
-        "Energies over time",
+    return style.drawing(
+        figure, folder, "energies", "Energies over time",
         "Energies of the whole body or of all bodies. The balance is elastic + fracture + kinetic energy, less what "
         f"there was at the start and what external forces and contact did; at most {said} of the energy given.",
-        style.save(figure, folder, "energies"),
-        style.save_data(pd.concat([_energy_table(run) for run in runs]), folder, "energies"),
+        pd.concat([_energy_table(run) for run in runs]),
     )
 
 
@@ -128,13 +126,11 @@ def tip_speed(results: CaseResults, folder: Path) -> style.Drawing | None:
         axes.axhline(share * limit, color=style.INK, linewidth=0.9, linestyle=line, label=label)
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside lower center", ncols=2)
-    return style.Drawing(
-        "tip-speed",
-        "Speed of the crack tips",
+    return style.drawing(
+        figure, folder, "tip-speed", "Speed of the crack tips",
         f"Lines fitted to {FITTED} positions of a tip, {number(interval)} {results.unit('time')} apart, along each "
         f"branch from its start (Borden et al. 2012). {_branching_in_words(results, found)}",
-        style.save(figure, folder, "tip-speed"),
-        style.save_data(table[["run", "branch", "time", "speed"]], folder, "tip-speed"),
+        table[["run", "branch", "time", "speed"]],
     )
 
 
@@ -175,10 +171,11 @@ def momentum(results: CaseResults, folder: Path) -> style.Drawing | None:
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(names) + 1)
     columns = [str(c) for c in runs[0].history if "momentum" in str(c) or "impulse" in str(c)]
     table = pd.concat([run.history[["time", *columns]].assign(run=run.name) for run in runs])
-    return style.Drawing(
-        "momentum", "Momentum", "Momentum of each body and of all bodies together; what one body loses in contact "
-        "another gains.", style.save(figure, folder, "momentum"), style.save_data(table, folder, "momentum"),
-    )  # fmt: skip
+    return style.drawing(
+        figure, folder, "momentum", "Momentum",
+        "Momentum of each body and of all bodies together; what one body loses in contact another gains.",
+        table,
+    )
 
 
 def _draw_momentum(axes: Any, run: RunResults, names: list[str], colours: dict[str, str], direction: str) -> None:

@@ -45,10 +45,8 @@ def critical_load(results: CaseResults, folder: Path) -> style.Drawing | None:
         axes.plot(row[KEY], row["peak_force"], line, marker="o", markersize=4, color=colours[str(family)], label=family)
     axes.legend()
     name = "critical-load-over-orientation"
-    return style.Drawing(
-        name, "Critical load over material orientation", _symmetry_in_words(table),
-        style.save(figure, folder, name), style.save_data(table, folder, name),
-    )  # fmt: skip
+    title = "Critical load over material orientation"
+    return style.drawing(figure, folder, name, title, _symmetry_in_words(table), table)
 
 
 def _symmetry_in_words(table: pd.DataFrame) -> str:

@@ -438,7 +438,7 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
         f"triangles: held along their axis. The dashed frame is shown "
         f"enlarged: {listed(dict.fromkeys(titles))}."
     )
-    return style.Drawing("scene", "Scene", caption, style.save(figure, folder, "scene"))
+    return style.drawing(figure, folder, "scene", "Scene", caption)
 
 
 def _draw_main(axes: Axes, case: Case, window: np.ndarray) -> None:

@@ -108,6 +108,14 @@ def save_data(table: pd.DataFrame, folder: Path, name: str) -> str:
     return f"{name}.csv"
 
 
+def drawing(
+    figure: Figure, folder: Path, name: str, title: str, caption: str, data: pd.DataFrame | None = None
+) -> Drawing:
+    """Write a figure and the numbers behind it to ``folder``; return what a page shows of them."""
+    file = save(figure, folder, name)
+    return Drawing(name, title, caption, file, None if data is None else save_data(data, folder, name))
+
+
 def panels(rows: int, columns: int, width: float, height: float, **share: Any) -> tuple[Figure, np.ndarray]:
     """Return a figure of ``width`` by ``height`` inches and its axes as a (rows, columns) array."""
     figure = Figure(figsize=(width, height), layout="constrained")

@@ -222,4 +222,4 @@ def _profiles(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
 
 
 def _drawing(name: str, title: str, caption: str, figure: Any, data: pd.DataFrame, folder: Path) -> style.Drawing:
-    return style.Drawing(name, title, caption, style.save(figure, folder, name), style.save_data(data, folder, name))
+    return style.drawing(figure, folder, name, title, caption, data)

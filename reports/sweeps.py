@@ -61,12 +61,10 @@ def _critical(family: str, table: pd.DataFrame, results: CaseResults, folder: Pa
     chosen["published"] = chosen.pop("published")
     figure.legend(chosen.values(), chosen.keys(), loc="outside lower center", ncols=min(len(chosen), 5))
     name = f"critical-{style.slug(family)}"
-    return style.Drawing(
-        name,
-        f"Critical values: {family}",
+    return style.drawing(
+        figure, folder, name, f"Critical values: {family}",
         f"Lines: computed. Black crosses: published. {_largest_miss(table)} {_resolution(table)}",
-        style.save(figure, folder, name),
-        style.save_data(table, folder, name),
+        table,
     )
 
 

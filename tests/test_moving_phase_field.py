@@ -63,3 +63,30 @@ def test_a_run_goes_on_from_its_checkpoint_bit_by_bit(tmp_path):
     for name in ("points", "phase_field", "stress", "broken_at"):
         np.testing.assert_array_equal(getattr(resumed.fields(), name), getattr(whole.fields(), name))
     assert resumed.balance().fracture == whole.balance().fracture
+
+
+def fracture_gain(tmp_path, passes: int, share: float = 0.8) -> float:
+    moving = MOVING.replace("time_step_share = 0.8", f"time_step_share = {share}")
+    points = ExplicitMaterialPoints(plate_case(tmp_path, PLATE, moving, PULLED, passes=passes))
+    start = points.balance().fracture
+    run_to(points, 0, all_steps(points))
+    return points.balance().fracture - start
+
+
+def test_further_passes_converge_to_a_phase_field_that_is_a_step_ahead(tmp_path):
+    one, two, four = (fracture_gain(tmp_path, passes) for passes in (1, 2, 4))
+    halved = fracture_gain(tmp_path, 2, share=0.4)
+    assert abs(four - two) < 0.1 * abs(two - one), "the passes converge"
+    assert 0.4 < (halved - fracture_gain(tmp_path, 1, share=0.4)) / (two - one) < 0.7, "what they change is of order dt"
+
+
+def test_further_passes_move_what_does_not_break_to_the_same_bits(tmp_path):
+    text = PLATE.replace('bodies.plate.material = "glass"', 'bodies.plate.material = "steel"')
+    ends = []
+    for passes in (1, 3):
+        points = ExplicitMaterialPoints(plate_case(tmp_path, text, MOVING, PULLED, passes=passes))
+        run_to(points, 0, 40)
+        ends.append((points.fields(), points.balance()))
+    np.testing.assert_array_equal(ends[0][0].points, ends[1][0].points)
+    np.testing.assert_array_equal(ends[0][0].stress, ends[1][0].stress)
+    assert ends[0][1] == ends[1][1]

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pandas as pd
+
 
 class WriteError(Exception):
     """A result could not be written; its text is one sentence with the path and a remedy."""
@@ -53,6 +55,11 @@ def write_file(path: Path, write: Callable[[Path], object]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write ``text`` as UTF-8 with plain line ends, in one step."""
     write_file(path, lambda temporary: temporary.write_text(text, encoding="utf-8", newline="\n"))
+
+
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """Write a table as CSV without its index, in one step."""
+    write_text(path, table.to_csv(index=False, lineterminator="\n"))
 
 
 def _flush_to_disk(path: Path) -> None:

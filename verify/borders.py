@@ -9,7 +9,8 @@ import pandas as pd
 
 from cases import Case
 from cases.studies import Map
-from verify.verdicts import BLEW_UP, NO_CONVERGENCE, NUMERICAL_FRACTURE, accuracy
+from verify.krylov import TOLERANCE
+from verify.verdicts import BLEW_UP, HOLDS, NO_CONVERGENCE, NUMERICAL_FRACTURE, accuracy
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,25 @@ def eigenvalue(case: Case, chosen: Map, row: pd.DataFrame) -> float:
     return float(row["value"].iloc[0])
 
 
+def coulomb(case: Case, chosen: Map, row: pd.DataFrame) -> float:
+    """Coefficient of friction that holds a block on the row's slope [degrees]: its tangent."""
+    return math.tan(math.radians(float(row["y"].iloc[0])))
+
+
+def turned_shear(case: Case, chosen: Map, row: pd.DataFrame) -> float:
+    """Angle [degrees] at which a stress that stays behind is off by the error allowed: 2 sin(angle) of its size."""
+    return math.degrees(math.asin(0.5 * _allowed(chosen)))
+
+
+def conjugate_gradients(case: Case, chosen: Map, row: pd.DataFrame) -> float:
+    """Damage up to which the whole body's factor must do within the row's number of iterations.
+
+    The eigenvalues of the preconditioned matrix lie between the least degradation, c² without residual stiffness, and
+    one; the error falls below a tolerance t in ln(2 / t) / (2 c) iterations.
+    """
+    return 1.0 - 0.5 * math.log(2.0 / TOLERANCE) / float(row["y"].iloc[0])
+
+
 def _accurate(verdict: str, chosen: Map) -> bool | None:
     if chosen.judged is None or not verdict.startswith(("within", "beyond")):
         return None
@@ -79,4 +99,7 @@ BORDERS: dict[str, Border] = {
     "round_off": Border(round_off, lambda verdict, _: verdict != NO_CONVERGENCE),
     "eigenvalue": Border(eigenvalue, lambda verdict, _: verdict != BLEW_UP),
     "connected_points": Border(connected_points, lambda verdict, _: verdict != NUMERICAL_FRACTURE),
+    "coulomb": Border(coulomb, lambda verdict, _: verdict == HOLDS),
+    "turned_shear": Border(turned_shear, _accurate),
+    "conjugate_gradients": Border(conjugate_gradients, lambda verdict, _: verdict != NO_CONVERGENCE),
 }

@@ -19,7 +19,7 @@ import pandas as pd
 from cases import Case
 from cases.judging import merge
 from cases.studies import Chart, Quantity, Varied, coordinates
-from verify.atomic import write_text
+from verify.atomic import write_table
 from verify.jobs import Job, Outcome
 from verify.metrics import PAIR_METRICS, find_metric, fitted_order
 from verify.provenance import source_hash
@@ -127,7 +127,7 @@ class Times:
         info = run.info
         row = [info["case_hash"], source_hash(), info["threads"], processor_seconds(run)]
         self.table.loc[len(self.table)] = row
-        write_text(self.file, self.table.to_csv(index=False, lineterminator="\n"))
+        write_table(self.file, self.table)
 
 
 # ---------------------------------------------------------------------------------------------- references
@@ -289,7 +289,7 @@ class ChartStudy:
         over = {name: next(iter(ladder.levels)) for name, ladder in self.chart.ladders.items()}
         tables = {"": table, "-slopes": slopes(table, over), "-choices": choices(table, over, self.chart.targets)}
         for ending, part in tables.items():
-            write_text(folder / f"{self.name}{ending}.csv", part.to_csv(index=False, lineterminator="\n"))
+            write_table(folder / f"{self.name}{ending}.csv", part)
         return folder / f"{self.name}.csv"
 
 

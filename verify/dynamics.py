@@ -91,6 +91,12 @@ def contact_start(run: Any, *, body: str) -> float:
     return float(column(run, "time")[np.flatnonzero(impulse > 1e-3 * impulse.max())[0]])
 
 
+def contact_impulse(run: Any, *, body: str) -> float:
+    """Size of the impulse that contact has given the body by the end."""
+    x, y = (column(run, f"{body}_impulse_{direction}")[-1] for direction in "xy")
+    return float(np.hypot(x, y))
+
+
 def contact_violations(run: Any) -> float:
     """Share of the nodes in contact at which one of the conditions C.2 to C.4 of Algorithm 3 did not hold."""
     counters = run.info.get("counters", {})

@@ -32,7 +32,7 @@ class Job:
 
     change : tables laid over those of the run
     timeout : seconds of the wall's clock after which it is given up at its next increment; a run that failed is then
-        taken for finished as well
+        taken for finished as well, but for one that was given more time since
     """
 
     source: Path
@@ -64,7 +64,12 @@ class Job:
         """The run where it need not be done again."""
         case = self.case()
         statuses = REPEATABLE_STATUSES if self.timeout is None else STATUSES
-        return up_to_date(case, case_folder(self.out, case, self.run), statuses)
+        done = up_to_date(case, case_folder(self.out, case, self.run), statuses)
+        return None if done is not None and self._has_more_time_than(done) else done
+
+    def _has_more_time_than(self, done: RunFolder) -> bool:
+        late = done.info["reason"].startswith(OutOfTimeError.__name__)
+        return late and self.timeout is not None and self.timeout > done.info["seconds"].get("total", 0.0)
 
 
 @dataclass(frozen=True)

@@ -378,6 +378,7 @@ METRICS = _registry(
     Metric("period_error", "number", "relative error of the vibrating bar's period", dynamics.period_error),
     Metric("energy_drift", "number", "trend of the energy while a wave crosses a length", dynamics.energy_drift),
     Metric("energy_left", "number", "energy at the end over that at the start", dynamics.energy_left),
+    Metric("contact_impulse", "momentum", "impulse of contact on a body", dynamics.contact_impulse),
     Metric("momentum_drift", "number", "largest change of the whole momentum", dynamics.momentum_drift),
     Metric("travel", "length", "way of a body's centre of mass", dynamics.travel),
     Metric("angular_velocity", "rate", "angular velocity of a body", dynamics.angular_velocity),

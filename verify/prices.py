@@ -16,7 +16,7 @@ from typing import Any
 import pandas as pd
 
 from cases import Case, load_case
-from verify.atomic import write_text
+from verify.atomic import write_table
 from verify.jobs import Job
 from verify.metrics import METRICS, PAIR_METRICS, Metric, find_metric, metric_unit
 from verify.provenance import code_version
@@ -97,7 +97,7 @@ def price(
     run_all(todo, options.jobs, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
     table = pd.DataFrame([row for one in priced for row in one.rows()], columns=list(COLUMNS))
     file = options.out / "prices" / case.name / f"{case.tier}.csv"
-    write_text(file, table.to_csv(index=False, lineterminator="\n"))
+    write_table(file, table)
     if record:
         _record(case, table)
     return file
@@ -112,7 +112,7 @@ def _record(case: Case, table: pd.DataFrame) -> None:
     old, keys = read_prices(case), ["tier", "run", "saving"]
     kept = old[~pd.MultiIndex.from_frame(old[keys]).isin(pd.MultiIndex.from_frame(table[keys]))]
     both = pd.concat([kept, table], ignore_index=True) if len(kept) else table
-    write_text(case.folder / PRICES_FILE, both.to_csv(index=False, lineterminator="\n"))
+    write_table(case.folder / PRICES_FILE, both)
 
 
 def read_prices(case: Case) -> pd.DataFrame:

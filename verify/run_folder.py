@@ -29,7 +29,7 @@ import numpy as np
 import pandas as pd
 import psutil
 
-from verify.atomic import WriteError, replace_folder, restore_folder, write_file, write_text, writing
+from verify.atomic import WriteError, replace_folder, restore_folder, write_file, write_table, write_text, writing
 
 if TYPE_CHECKING:
     import pyvista
@@ -275,7 +275,7 @@ class RunWriter:
         from verify.vtk_files import pvd_text
 
         table = pd.DataFrame(self._index, columns=list(INDEX_COLUMNS))
-        write_text(self.partial / "fields" / "index.csv", table.to_csv(index=False, lineterminator="\n"))
+        write_table(self.partial / "fields" / "index.csv", table)
         # ParaView wants times that grow, which displacements of a cyclic load do not.
         times = table["u"] if table["u"].is_monotonic_increasing and table["u"].is_unique else table["step"]
         for name in ("points", "grid"):

@@ -18,7 +18,7 @@ import pandas as pd
 from cases import Case, CaseError
 from cases.judging import merge, nest
 from cases.studies import REACHED, RUN, Judged, Map, coordinates, level_changes
-from verify.atomic import write_text
+from verify.atomic import write_table
 from verify.borders import BORDERS
 from verify.jobs import Job, OutOfTimeError
 from verify.judge import error_of
@@ -177,7 +177,7 @@ class MapStudy:
         history = run.history if wanted is None else run.history[run.history["u"] <= wanted * (1.0 + 1e-9)]
         told: dict[str, Any] = {
             "reason": info["reason"], "seconds": info["seconds"].get("total", math.nan),
-            "newton": int(counters.get("newton", 0)), "gmres": int(counters.get("gmres_iterations", 0)),
+            "newton": int(counters.get("newton", 0)), "iterations": int(counters.get("gmres_iterations", 0)),
         }  # fmt: skip
         torn = _torn(history, run.case.load.broken_fraction)
         if torn is not None:
@@ -242,7 +242,7 @@ class MapStudy:
             table = pd.concat([table, self._decided(self._between(table), tell)], ignore_index=True)
         folder = map_folder(self.options.out, self.case)
         for ending, part in {"": table, "-borders": self._borders(table)}.items():
-            write_text(folder / f"{self.name}{ending}.csv", part.to_csv(index=False, lineterminator="\n"))
+            write_table(folder / f"{self.name}{ending}.csv", part)
         return folder / f"{self.name}.csv"
 
     def _decided(self, cells: Sequence[Cell], tell: Tell) -> pd.DataFrame:

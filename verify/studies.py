@@ -108,8 +108,13 @@ def finished_run(job: Job) -> RunFolder | None:
 
 
 def counted_work(run: RunFolder) -> float:
-    """Unknowns times iterations, summed over displacement and phase field: what no clock can disturb."""
+    """What no clock can disturb: points times steps in time, else unknowns times iterations.
+
+    The iterations are summed over displacement and phase field.
+    """
     counters = run.info.get("counters", {})
+    if "steps" in counters:
+        return float(counters["points"] * counters["steps"])
     newton = counters.get("newton", run.history["newton"].sum())
     work = counters.get("unknowns_displacement", 0) * newton
     return float(work + counters.get("unknowns_phase_field", 0) * run.history["staggered"].sum())

@@ -15,7 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from cases import Case, load_case
-from verify.atomic import write_text
+from verify.atomic import write_table, write_text
 from verify.crack_path import hausdorff, mean_distance
 from verify.curves import Curve, CurveError, compare_curves
 from verify.judge import CaseVerdict, CheckResult, RunState, judge_case
@@ -186,7 +186,7 @@ def _curve_entry(judged: CaseVerdict, run: str, other: str, out: Path) -> Json:
     comparison = compare_curves(_curve(judged, other), _curve(judged, run))
     case = judged.case
     file = Path("curves") / case.name / case.tier / f"{_file_name(run)}_vs_{_file_name(other)}.csv"
-    write_text(out / file, comparison.errors[CURVE_COLUMNS].to_csv(index=False, lineterminator="\n"))
+    write_table(out / file, comparison.errors[CURVE_COLUMNS])
     return {
         "against": f"{run} vs {other}",
         "run": run,

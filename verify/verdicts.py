@@ -6,6 +6,8 @@ from dataclasses import dataclass
 STABLE, DRIFT, BLEW_UP = "stable", "energy drift", "blew up"
 NO_CONVERGENCE, TIMEOUT, NOT_POSSIBLE = "no convergence", "timeout", "not possible"
 NUMERICAL_FRACTURE = "numerical fracture"
+#: of a block on an incline
+HOLDS, SLIDES = "holds", "slides"
 
 
 @dataclass(frozen=True)
@@ -14,7 +16,7 @@ class Verdict:
 
     value, error : of the judged metric, its distance from the target
     step, u : at which it failed, or the last ones
-    newton, gmres : iterations of a run, 0 where there are none
+    newton, iterations : of Newton's method and of an iterative linear solver, 0 where there are none
     """
 
     verdict: str
@@ -25,7 +27,7 @@ class Verdict:
     reason: str = ""
     seconds: float = math.nan
     newton: int = 0
-    gmres: int = 0
+    iterations: int = 0
 
 
 def accuracy(error: float, limits: tuple[float, ...]) -> str:
