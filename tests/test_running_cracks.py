@@ -64,6 +64,10 @@ def test_metrics_of_a_drawn_crack(metric, parameters, expected, error):
     assert METRICS[metric](synthetic_run(), **parameters) == pytest.approx(expected, abs=error + 1e-12)
 
 
+def test_a_branch_points_half_way_between_its_stem_and_its_arm_of_the_same_length():
+    assert abs(METRICS["branch_angle"](synthetic_run())) == pytest.approx(15.0, abs=0.5)
+
+
 def test_a_drawn_crack_is_symmetric_about_its_own_axis_only():
     assert METRICS["asymmetry"](synthetic_run(), direction="y", middle=20.0) < 1e-12
     assert METRICS["asymmetry"](synthetic_run(), direction="x", middle=30.0) > 0.9

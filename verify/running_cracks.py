@@ -11,6 +11,7 @@ from physics.phase_field import BROKEN
 from physics.waves import rayleigh_speed
 from verify import crack_front
 from verify.crack_front import Branch
+from verify.crack_path import path_angle
 from verify.curves import Array
 from verify.errors import MetricError
 
@@ -104,6 +105,11 @@ def branching_time(run: RunData) -> float:
 def branching_angle(run: RunData, *, length: float) -> float:
     """Angle between the two longest branches over a length behind their parting."""
     return crack_front.branching_angle(_of_branches(run), length)
+
+
+def branch_angle(run: RunData) -> float:
+    """Direction of the longest branch in degrees from the x axis, -180 to 180."""
+    return path_angle(_of_branches(run)[0].points)
 
 
 def branch_count(run: RunData) -> float:
