@@ -104,8 +104,9 @@ def test_recorded_prices_stay_for_other_tiers_and_runs(priced: pd.DataFrame, cas
     price(case, Options(tmp_path / "out"), ["fem"], record=True)
     recorded = read_prices(case)
     assert recorded.groupby("tier").size().tolist() == [len(priced), len(priced)]
-    assert price_of(recorded, "paper", "fem", "graded grid") == pytest.approx(0.02), "that of another tier"
-    assert np.isnan(price_of(recorded, "paper", "mpm", "graded grid"))
+    assert price_of(recorded, "standard", "fem", "graded grid") == pytest.approx(0.02)
+    assert np.isnan(price_of(recorded, "standard", "mpm", "graded grid"))
+    assert np.isnan(price_of(recorded, "paper", "fem", "graded grid")), "a price holds at its own tier only"
 
 
 @pytest.mark.parametrize(("accuracy", "used"), [(0.01, False), (0.05, False), (0.2, True)])

@@ -135,13 +135,9 @@ def read_prices(case: Case) -> pd.DataFrame:
 
 
 def price_of(prices: pd.DataFrame, tier: str, run: str, saving: str) -> float:
-    """Largest change of a checked quantity that a saving costs, at this tier or else at any that was priced.
-
-    Not a number where it was never priced.
-    """
-    rows = prices[(prices["run"] == run) & (prices["saving"] == saving)]
-    here = rows[rows["tier"] == tier]
-    return float((here if len(here) else rows)["change"].abs().max())
+    """Largest change of a checked quantity that a saving costs at this tier; not a number where it was not priced."""
+    rows = prices[(prices["tier"] == tier) & (prices["run"] == run) & (prices["saving"] == saving)]
+    return float(rows["change"].abs().max())
 
 
 class _Priced:
