@@ -1,7 +1,10 @@
-"""Imported once by the process from which runs are forked: the solvers, and the identity of the code just imported."""
+"""Imported once by the process from which runs are forked: all that a run imports, and the identity of that code."""
 
 import fem_reference  # noqa: F401
 import mpm  # noqa: F401
+import verify.crack_path
+import verify.metrics
+import verify.vtk_files  # noqa: F401
 from verify.provenance import code_version, source_hash
 
 # kept by the functions themselves: a file edited while runs go on must not change what their folders say of the code
