@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from numerics.costs import Costs
-from numerics.phase_field_window import BLOCK, Blocks, Window, conjugate_gradients, fold
+from numerics.phase_field_window import BLOCK, RESIDUAL, Blocks, Window, conjugate_gradients, fold
 from physics.elasticity import MaterialTable
 from physics.phase_field import BROKEN, PhaseFieldCoefficients, crack_density
 
@@ -44,6 +44,8 @@ class ElementPhaseField:
             size = BLOCK * float(materials.length_scale[materials.breakable].max())
             centres = basis.gauss_points.mean(axis=1)
             self._blocks = Blocks(centres, basis.elements, len(basis.nodes), breakable, size)
+            sources = self._coefficients.resistance[:, None] * (basis.volume @ basis.shape)
+            self._sources = np.bincount(basis.elements.ravel(), sources.ravel(), len(basis.nodes))
             self._near, self._own, self._slots = _neighbours(basis.elements, len(basis.nodes))
         costs.count["unknowns_phase_field"] = len(basis.nodes) if self.is_solved else 0
 
@@ -64,7 +66,9 @@ class ElementPhaseField:
         cells = window.cells
         fold(rows[self._basis.elements[cells]], self._slots[cells], local, out_of_balance, values, right_side)
         near = rows[self._near[nodes]]
-        correction, iterations = conjugate_gradients(near, values[:-1], self._own[nodes], right_side[:-1])
+        correction, iterations = conjugate_gradients(
+            near, values[:-1], self._own[nodes], right_side[:-1], self._sources[nodes], RESIDUAL
+        )
         self.nodal[nodes] += correction
         self._map(window.cells)
         self.solved_for[window.cells] = history_field[window.cells]

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from cases import Case
 from numerics.costs import Costs
-from numerics.phase_field_window import BLOCK, RINGS, conjugate_gradients, fold, row_products
+from numerics.phase_field_window import BLOCK, RESIDUAL, RINGS, SMOOTH_RESIDUAL, conjugate_gradients, fold, row_products
 from physics.elasticity import MaterialTable
 from physics.phase_field import BROKEN, PhaseFieldCoefficients
 
@@ -19,6 +19,8 @@ from .moving_body import MovingBody
 
 #: cells that a point may stray before the nodal phase field at its place is found anew, at order 4
 STRAY = 0.05
+#: range of nodal values to start a solution from: nodes that points hardly see can take any, and see more points later
+SANE = (-1.0, 2.0)
 _SQUARE = np.ones((3, 3), bool)
 
 
@@ -144,12 +146,14 @@ class PointPhaseField:
         near = nodes[:, None] + (span[:, None] * width + span).ravel()
         neighbours = rows[np.clip(near, 0, len(rows) - 1)]
         values, right_side = np.zeros((len(nodes) + 1, len(span) ** 2)), np.zeros(len(nodes) + 1)
+        self._nodal[nodes] = np.clip(self._nodal[nodes], *SANE)
         fold(rows[nodes_of_cells], self._slots, local, parts, values, right_side)
         product, diagonal = np.empty(len(nodes)), np.full(len(nodes), len(span) ** 2 // 2)
         row_products(np.clip(near, 0, len(rows) - 1), values, self._nodal, product)
         sources = right_side[:-1]
         correction, iterations = conjugate_gradients(
-            neighbours, values[:-1], diagonal, sources - product, sources if self._bending else None
+            neighbours, values[:-1], diagonal, sources - product, sources,
+            SMOOTH_RESIDUAL if self._bending else RESIDUAL,
         )
         self._nodal[nodes] += correction
         return iterations

@@ -20,14 +20,12 @@ from .linear_solvers import LinearSolverError
 BLOCK = 2.0
 #: rings of blocks that a change reaches
 RINGS = 4
-#: largest change of the phase field that the solution may leave out
-RESIDUAL = 1e-5
-#: residual over the right side at order 4; the correction left out is then below 1e-3
+#: residual over the sources; a change of the phase field of about this size is left out
+RESIDUAL = 1e-4
+#: the same at order 4; the correction left out is then below 1e-3
 SMOOTH_RESIDUAL = 5e-3
-#: diagonal over the largest one below which a node holds no material to speak of
-EMPTY = 1e-12
-#: stiffness of the pull towards the start of the solution, over the diagonal
-PULL = 1e-6
+#: stiffness of the pull towards the start of the solution, over the largest source and over the node's diagonal
+PULL, PULL_OF_DIAGONAL = 1e-4, 1e-6
 NOT_FOUND = "the phase field of a time step was not found; its equation holds a value that is not finite"
 
 
@@ -99,18 +97,19 @@ def fold(rows_of_cells, slots, local, parts, values, right_side):
 
 
 def conjugate_gradients(
-    neighbours: NDArray, values: NDArray, diagonal: NDArray, right_side: NDArray, sources: NDArray | None = None
+    neighbours: NDArray, values: NDArray, diagonal: NDArray, right_side: NDArray, sources: NDArray, share: float
 ) -> tuple[NDArray, int]:
     """Correction (n,) of the phase field and the number of iterations.
 
     neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
-    the diagonal. right_side : (n,). Rows without a diagonal to speak of need no correction. sources : (n,) right sides
-    of the whole equation, with which the residual is compared at order 4: its diagonal is so much larger that a
-    residual that is small beside it can belong to a large correction of long waves.
+    the diagonal. right_side : (n,). sources : (n,) sums of the
+    rows without history field. share : of them that may be left over. Beside the diagonal a residual could be small that
+    belongs to a large correction: the history field of few broken points makes rows heavy, and with them the diagonal,
+    but holds the phase field only at these points; at order 4 the bends do.
     """
     correction = np.zeros(len(right_side))
-    allowed = RESIDUAL * values[np.arange(len(values)), diagonal] if sources is None else SMOOTH_RESIDUAL * sources
-    iterations = _solve_rows(neighbours, values, diagonal, right_side, allowed, correction)
+    pull = PULL * sources.max()
+    iterations = _solve_rows(neighbours, values, diagonal, right_side, pull, share * (sources + pull), correction)
     if iterations < 0:
         raise LinearSolverError(NOT_FOUND)
     return correction, iterations
@@ -127,26 +126,21 @@ def row_products(neighbours, values, vector, product):
 
 
 @njit(cache=True)
-def _solve_rows(neighbours, values, diagonal, right_side, allowed, solution):
+def _solve_rows(neighbours, values, diagonal, right_side, pull, allowed, solution):
     n = solution.size
     direction, product = np.zeros(n + 1), np.empty(n)
     residual, scale = right_side.copy(), np.empty(n)
-    # combinations of nodes that no point sees would grow without bound: a pull towards the start
+    old = 0.0
     for i in range(n):
-        values[i, diagonal[i]] *= 1.0 + PULL
-    old = largest = 0.0
-    for i in range(n):
-        largest = max(largest, values[i, diagonal[i]])
-    for i in range(n):
-        # nodes that hardly any material reaches do not take part
-        d = values[i, diagonal[i]]
-        scale[i] = 1.0 / d if d > EMPTY * largest else 0.0
+        # what hardly any point sees, a node or a combination of them, would grow without bound
+        values[i, diagonal[i]] += pull + PULL_OF_DIAGONAL * values[i, diagonal[i]]
+        scale[i] = 1.0 / values[i, diagonal[i]]
         direction[i] = residual[i] * scale[i]
         old += residual[i] * direction[i]
     for iteration in range(10 * n + 10):
         done = True
         for i in range(n):
-            done = done and (abs(residual[i]) <= allowed[i] or scale[i] == 0.0)
+            done = done and abs(residual[i]) <= allowed[i]
         if done:
             return iteration
         row_products(neighbours, values, direction, product)

@@ -178,7 +178,7 @@ def _plan_table(planned: Any) -> Table:
         "what", "value", title=f"{planned.case} · {planned.tier} · {planned.run}", title_justify="left"
     )
     adapts = " or more, adaptive" if planned.adaptive else ", constant"
-    increments = f"{planned.increments}{adapts}, about {planned.iterations} staggered iterations each"
+    increments = f"{planned.increments}{adapts}, about {planned.iterations} staggered iterations in all"
     rows = {
         "regime": planned.regime,
         "bodies": planned.bodies,
@@ -189,7 +189,7 @@ def _plan_table(planned: Any) -> Table:
         "unknowns": f"{planned.unknowns_displacement} of u, {planned.unknowns_phase_field} of c",
         "increments": f"{planned.increments} equal steps in time"
         if planned.explicit
-        else f"{increments}, about {planned.iterations} Newton iterations in all",
+        else f"{increments}, about as many Newton iterations",
         "memory": f"about {planned.memory_mb:.0f} MB",
         "time": f"about {planned.seconds:.0f} s",
     }
