@@ -76,7 +76,8 @@ class Run(Table):
     ----------
     expect_failure : that the run does not converge in the end is a result, not a fault
     change : tables merged over the case for this run
-    sweep : dotted key -> values; expands to one run for each combination of values
+    sweep : dotted key, or "key.0", "key.1" for the entries of an array -> values; expands to one run for each
+        combination of values
     """
 
     solver: Literal["fem", "mpm"]
@@ -107,17 +108,31 @@ class Run(Table):
         return RunSpec(f"{family}[{labels}]", self.solver, family, self.expect_failure, change, swept)
 
     def _label(self, key: str) -> str:
-        last = [k.rsplit(".", 1)[-1] for k in self.sweep]
-        short = key.rsplit(".", 1)[-1]
+        last = [_last_word(k) for k in self.sweep]
+        short = _last_word(key)
         return short if last.count(short) == 1 else key
 
 
+def _last_word(dotted: str) -> str:
+    """ "c" of "a.b.c", "c.1" of "a.b.c.1"."""
+    words = dotted.split(".")
+    return ".".join(words[-2:] if words[-1].isdigit() else words[-1:])
+
+
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Tables `above` laid over tables `below`: tables are merged key by key, everything else is replaced."""
+    """Tables `above` laid over tables `below`: tables are merged key by key, everything else is replaced.
+
+    A table of numbers 0, 1, ... laid over an array replaces these of its entries.
+    """
     merged = dict(below)
     for key, value in above.items():
         under = merged.get(key)
-        merged[key] = merge(under, value) if isinstance(under, dict) and isinstance(value, dict) else value
+        if isinstance(value, dict) and isinstance(under, dict):
+            merged[key] = merge(under, value)
+        elif isinstance(value, dict) and isinstance(under, list) and value.keys() <= set(map(str, range(len(under)))):
+            merged[key] = [value.get(str(i), entry) for i, entry in enumerate(under)]
+        else:
+            merged[key] = value
     return merged
 
 

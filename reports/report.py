@@ -37,6 +37,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Hydrostatic stress", fields.hydrostatic_stress),
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
+    ("Values over what was swept", sweeps.values_over_sweep),
     ("Critical load over orientation", orientations.critical_load),
     ("Accuracy against cost", charts.accuracy_against_cost),
     ("Where it fails", maps.where_it_fails),
@@ -50,6 +51,7 @@ MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Momentum", motion.momentum),
     ("Convergence", curves.convergence),
     ("Critical values", sweeps.critical_values),
+    ("Values over what was swept", sweeps.values_over_sweep),
     ("Accuracy against cost", charts.accuracy_against_cost),
     ("Where it fails", maps.where_it_fails),
 )

@@ -15,6 +15,7 @@ from .words import listed, number
 CRITICAL = ("peak_force", "displacement_at_peak")
 TITLES = {"peak_force": "peak force", "displacement_at_peak": "displacement at peak"}
 UNITS = {"peak_force": "force", "displacement_at_peak": "displacement"}
+SAID = ("metric", "unit", "value", "target")
 LENGTH_SCALE, SPACING = "length_scale", "h"
 
 
@@ -66,6 +67,43 @@ def _critical(family: str, table: pd.DataFrame, results: CaseResults, folder: Pa
         f"Lines: computed. Black crosses: published. {_largest_miss(table)} {_resolution(table)}",
         table,
     )
+
+
+def single_table(results: CaseResults) -> pd.DataFrame:
+    """Return what the checks against references say of sweeps over one number.
+
+    Columns family, solver, swept (name), x (its value), metric, unit, value, target.
+    """
+    specs = results.case.run_specs() if results.case else {}
+    rows = []
+    for check in results.entry.get("checks", []):
+        spec = specs.get(check["run"])
+        published = str(check["against"]).startswith("reference:") and check["value"] is not None
+        if spec is None or len(spec.sweep_values) != 1 or not published:
+            continue
+        ((key, x),) = spec.sweep_values.items()
+        if isinstance(x, int | float) and not isinstance(x, bool):
+            rows.append((spec.family, spec.solver, key, x, *(check[name] for name in SAID)))
+    return pd.DataFrame(rows, columns=["family", "solver", "swept", "x", *SAID])
+
+
+def values_over_sweep(results: CaseResults, folder: Path) -> list[style.Drawing]:
+    """Draw each metric that a reference speaks of over the number swept, where there are at least three of them."""
+    drawings = []
+    for (family, metric), part in single_table(results).groupby(["family", "metric"]):
+        row = part.sort_values("x").drop_duplicates("x")
+        if len(row) < 3:
+            continue
+        figure = style.Figure(figsize=(6.4, 3.8))
+        said = f"{str(metric).replace('_', ' ')}" + ("" if row["unit"].iloc[0] == "1" else f" [{row['unit'].iloc[0]}]")
+        axes = style.curve_axes(figure, str(row["swept"].iloc[0]), said)
+        line = style.LINE_OF_SOLVER.get(str(row["solver"].iloc[0]), "-.")
+        axes.plot(row["x"], row["value"], line, marker="o", markersize=4, label="computed")
+        axes.plot(row["x"], row["target"], "x", color="black", markersize=6, label="published", zorder=4)
+        axes.legend()
+        name, title = f"{style.slug(str(metric))}-{style.slug(str(family))}", f"{said} over {row['swept'].iloc[0]}"
+        drawings.append(style.drawing(figure, folder, name, title, "The number swept is in the case's units.", row))
+    return drawings
 
 
 def _with_unit(name: str, results: CaseResults) -> str:

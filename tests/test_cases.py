@@ -207,6 +207,14 @@ def test_sweeps_of_two_keys_with_one_last_word_are_labelled_in_full() -> None:
     assert case.expanded_runs()[-1] == "two[materials.steel.young=200,materials.foam.young=1]"
 
 
+def test_a_sweep_may_go_over_an_entry_of_an_array() -> None:
+    tables = toy(runs__ends={"solver": "fem", "sweep": {"load.path.1": [0.5, 0.25]}})
+    case = case_from_tables(tables)
+    assert case.expanded_runs()[-2:] == ["ends[path.1=0.5]", "ends[path.1=0.25]"]
+    changed = case_from_tables(tables, run="ends[path.1=0.25]")
+    assert changed.load.path == (case.load.path[0], 0.25, *case.load.path[2:])
+
+
 def test_the_hash_follows_what_is_computed_and_nothing_else() -> None:
     hashes = [case_from_tables(toy(), run=run).hash() for run in ("fem", "mpm", "gmres")]
     assert len(set(hashes)) == 3 and all(re.fullmatch("[0-9a-f]{16}", value) for value in hashes)

@@ -186,6 +186,23 @@ def test_sweeps_are_drawn_beside_the_published_values(tmp_path: Path) -> None:
     assert "at most 1.4 % where h ≤ l0, and by up to 6.7 % where h > l0" in drawing.caption
 
 
+def test_a_metric_is_drawn_over_the_one_number_swept(tmp_path: Path) -> None:
+    published = {-0.02: 0.0, -0.1: 0.0, -0.18: 1.0}
+    checks = [
+        {"metric": "cone_index", "run": f"disc[velocity.1={v:g}]", "against": "reference:x", "value": 1.0 - target,
+         "target": target, "unit": "1"}
+        for v, target in published.items()
+    ]  # fmt: skip
+    results = CaseResults({"case": "disc_beam_velocity", "tier": "standard", "checks": checks}, tmp_path)
+    (drawing,) = sweeps.values_over_sweep(results, tmp_path)
+    assert (tmp_path / drawing.file).stat().st_size > 0
+    table = pd.read_csv(tmp_path / str(drawing.data))
+    assert dict(zip(table["x"], table["target"], strict=True)) == published
+    assert list(table["value"]) == [0.0, 1.0, 1.0]
+    few = CaseResults({"case": "disc_beam_velocity", "tier": "standard", "checks": checks[:2]}, tmp_path)
+    assert sweeps.values_over_sweep(few, tmp_path) == []
+
+
 def test_critical_loads_are_drawn_over_orientation_with_their_asymmetry(tmp_path: Path) -> None:
     loads = {-40: 101.0, 0: 90.0, 40: 100.0, 50: 110.0}
     runs = [

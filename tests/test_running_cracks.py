@@ -75,6 +75,17 @@ def test_a_drawn_crack_is_symmetric_about_its_own_axis_only():
         METRICS["asymmetry"](synthetic_run(), direction="z", middle=0.0)
 
 
+def test_two_arms_about_the_middle_are_a_cone_and_one_crack_is_none():
+    run = synthetic_run()
+    across = {"middle": FORK[1], "within": 15.0}
+    data = run.snapshots()[0][2].point_data
+    data["reference"] = data["reference"][:, [1, 0, 2]]  # the fork opens upwards
+    end = data["reference"][data["phase_field"] < 0.25, 1].max()
+    assert METRICS["cone_index"](run, level=end - 2.0 * LENGTH_SCALE, **across) == 1.0
+    assert METRICS["cone_index"](run, level=0.5 * (START[0] + FORK[0]), **across) == 0.0
+    assert METRICS["cone_index"](run, level=end + 5.0, **across) == 0.0
+
+
 @pytest.mark.parametrize("metric", ["initiation_time", "branching_time"])
 def test_where_nothing_breaks_there_is_no_value(metric):
     with pytest.raises(MetricError, match="nothing broke"):

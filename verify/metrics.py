@@ -364,6 +364,7 @@ METRICS = _registry(
     Metric("branch_count", "number", "tips that the crack came to have", running_cracks.branch_count),
     Metric("tip_speed", "velocity", "largest speed of a crack tip", running_cracks.tip_speed),
     Metric("fragments", "number", "connected pieces of unbroken material", running_cracks.fragments),
+    Metric("cone_index", "number", "1 where a cone formed under an impact, else 0", running_cracks.cone_index),
     Metric("asymmetry", "number", "largest difference from the mirror image", running_cracks.asymmetry),
     Metric("fracture_energy_gain", "energy", "fracture energy since a time", running_cracks.fracture_energy_gain),
     Metric("phase_field_share", "number", "share of time that the phase field took", running_cracks.phase_field_share),

@@ -146,6 +146,23 @@ def fragments(run: RunData, *, least_share: float = 1e-3) -> float:
     )  # fmt: skip
 
 
+#: width of a band of broken material, in length scales, above which it holds more than one crack
+CONE = 8.0
+
+
+def cone_index(run: RunData, *, level: float, middle: float, within: float) -> float:
+    """1 where a cone has formed under an impact along y at x = middle, 0 where there is a median crack or none.
+
+    A cone's flanks leave broken points on both sides of the middle at a height y = level, further apart than one crack
+    is wide. within : distance from the middle [length] beyond which cracks are others, such as those of bending.
+    """
+    data, h = _points(run), run.case.mesh.h
+    away = _plane(data) - (middle, level)
+    near = (np.asarray(data["phase_field"]) < BROKEN) & (np.abs(away) < (within, h)).all(axis=1)
+    lengths = [m.fracture.length_scale for m in run.case.materials.values() if m.fracture]
+    return float(near.any() and float(np.ptp(away[near, 0])) > CONE * max(lengths))
+
+
 def asymmetry(run: RunData, *, direction: str, middle: float, at: float | None = None) -> float:
     """Largest difference of the phase field at points and their mirror images, at a time or at the end.
 
