@@ -21,6 +21,9 @@ from .moving_body import MovingBody
 STRAY = 0.05
 #: range of nodal values to start a solution from: nodes that points hardly see can take any, and see more points later
 SANE = (-1.0, 2.0)
+#: driving energy over resistance above which the phase field, then below its inverse, is zero for all that it does: more
+#: would make the equations of wide open cracks stiff for nothing
+LARGEST_DRIVE = 1e4
 _SQUARE = np.ones((3, 3), bool)
 
 
@@ -38,6 +41,7 @@ class PointPhaseField:
         materials = MaterialTable(case)
         of_body = PhaseFieldCoefficients(materials, np.array([number]))
         self._drive, self._resistance = float(of_body.drive[0]), float(of_body.resistance[0])
+        self._largest_history = LARGEST_DRIVE * self._resistance / self._drive
         self._diffusion, self._toughness = float(of_body.diffusion[0]), float(of_body.toughness[0])
         self._length_scale = float(of_body.length_scale[0])
         self._bending, self._operator = float(of_body.bending[0]), materials.curvature[number]
@@ -47,20 +51,21 @@ class PointPhaseField:
 
     def solve(self, now: float, everywhere: bool = False) -> None:
         """Write the body's ``points.c`` for its ``points.history``, at the points' present places."""
-        marked = self._changing_blocks()
+        history = np.minimum(self._body.points.history, self._largest_history)
+        marked = self._changing_blocks(history)
         marked[:] |= everywhere
         if not marked.any():
             return
         self._keep_nodes()
         solved = binary_dilation(marked, _SQUARE, iterations=RINGS + 1)
         cells = self._cells_of(solved)
-        iterations = self._solve_on(cells)
+        iterations = self._solve_on(cells, history)
         self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
         inside = np.zeros(len(self._nodal), bool)
         inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS))] = True
         body, p = self._body, self._body.points
         phase_field_kernels.to_points(
-            body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, p.history, self._toughness,
+            body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, history, self._toughness,
             self._length_scale, now, BROKEN, p.c, p.crack_energy, p.solved_for, p.broken_at,
         )  # fmt: skip
         if self._bending:
@@ -71,12 +76,12 @@ class PointPhaseField:
             found = inside[p.x.astype(int) * body.width + p.y.astype(int)]
             p.stray_x[found], p.stray_y[found] = 0.0, 0.0
 
-    def _changing_blocks(self) -> NDArray:
+    def _changing_blocks(self, history: NDArray) -> NDArray:
         body, p = self._body, self._body.points
         shape = -(-body.shape // self._block)
         marked = np.zeros(shape, bool)
         phase_field_kernels.mark_changing(
-            body.strips, p.x, p.y, p.history, p.solved_for, p.c, self._drive, self._resistance, self._tolerance,
+            body.strips, p.x, p.y, history, p.solved_for, p.c, self._drive, self._resistance, self._tolerance,
             self._block, shape[1], marked.reshape(-1),
         )  # fmt: skip
         if self._bending:
@@ -105,7 +110,7 @@ class PointPhaseField:
         i, j = np.nonzero(mask)
         return i * shape[1] + j
 
-    def _solve_on(self, cells: NDArray) -> int:
+    def _solve_on(self, cells: NDArray, history: NDArray) -> int:
         """Find the nodal phase field on cells; returns the number of iterations."""
         body, p = self._body, self._body.points
         k, width = body.order + 1, body.width
@@ -113,7 +118,7 @@ class PointPhaseField:
         number[cells] = np.arange(len(cells), dtype=np.int32)
         local, right_side = np.zeros((len(cells), k * k * (k * k + 1) // 2)), np.zeros((len(cells), k * k))
         phase_field_kernels.cell_equations(
-            body.order, body.strips, p.x, p.y, p.volume, p.history, self._drive, self._resistance, self._diffusion,
+            body.order, body.strips, p.x, p.y, p.volume, history, self._drive, self._resistance, self._diffusion,
             1.0 / body.h, width, number, local, right_side,
         )  # fmt: skip
         if self._bending:

@@ -160,7 +160,7 @@ def momentum(results: CaseResults, folder: Path) -> style.Drawing | None:
     if results.case is None or len(results.case.bodies) < 2 or not runs:
         return None
     names = list(results.case.bodies)
-    figure, grid = style.panels(len(runs), 2, 8.2, 2.7 * len(runs) + 0.4, sharex=True, squeeze=False)
+    figure, grid = style.panels(len(runs), 2, 8.2, 2.7 * len(runs) + 0.4, sharex=True)
     colours = style.colours_of(names)
     for row, run in zip(grid, runs, strict=True):
         for axes, direction in zip(row, "xy", strict=True):

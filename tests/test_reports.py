@@ -17,7 +17,7 @@ import pytest
 from synthetic_run import TITLE, write_verification
 
 from cases import load_case
-from reports import orientations, style, surface, sweeps, write_report
+from reports import motion, orientations, style, surface, sweeps, write_report
 from reports.fields import point_image
 from reports.report import SECTIONS
 from reports.results import CaseResults
@@ -184,6 +184,19 @@ def test_sweeps_are_drawn_beside_the_published_values(tmp_path: Path) -> None:
     assert (tmp_path / drawing.file).stat().st_size > 0
     assert "peak force 2 %" in drawing.caption
     assert "at most 1.4 % where h ≤ l0, and by up to 6.7 % where h > l0" in drawing.caption
+
+
+def test_momentum_of_two_bodies_is_drawn(tmp_path: Path) -> None:
+    case = load_case("two_discs", "quick")
+    time = np.linspace(0.0, 1.0, 5)
+    signs = dict(zip(case.bodies, (1, -1), strict=True))
+    columns = {f"{name}_momentum_{axis}": sign * time for name, sign in signs.items() for axis in "xy"}
+    history = pd.DataFrame({"time": time, **columns, "momentum_x": 0.0 * time, "momentum_y": 0.0 * time})
+    run = SimpleNamespace(name="mpm", solver="mpm", history=history)
+    results: Any = SimpleNamespace(case=case, main_runs=lambda: [run], unit=lambda quantity: quantity)
+    drawing = motion.momentum(results, tmp_path)
+    assert drawing is not None and (tmp_path / drawing.file).stat().st_size > 0
+    assert set(columns) < set(pd.read_csv(tmp_path / str(drawing.data)).columns)
 
 
 def test_a_metric_is_drawn_over_the_one_number_swept(tmp_path: Path) -> None:
