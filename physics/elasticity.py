@@ -52,8 +52,8 @@ def energy_root(stiffness: NDArray) -> NDArray:
 class Law(NamedTuple):
     """Elastic laws as arrays over bodies, as compiled loops take them.
 
-    ``split`` is a code of ``SPLIT_CODES`` and ``lam``, ``mu`` [stress] are in-plane constants. Where the code is above
-    ``ROOTED``, the split without it acts on strain~ = R strain, with lambda = 0 and mu = 1/2, and stress = R^T stress~;
+    ``split`` is a code of ``SPLIT_CODES`` and ``lam``, ``mu`` [stress] are in-plane constants. Where ``ROOTED``
+    is added to the code, the split acts on strain~ = R strain, with lambda = 0 and mu = 1/2, and stress = R^T stress~;
     ``root`` (n_bodies, 3, 3) is R of ``energy_root``.
     """
 

@@ -109,6 +109,15 @@ def test_modulus_off_axis(angle):
     assert 1.0 / np.linalg.inv(stiffness)[0, 0] == pytest.approx(off_axis_modulus(angle), rel=1e-12)
 
 
+def test_orientation_is_counter_clockwise():
+    """Extension along (cos 30°, sin 30°) meets the stiffness of axis 1, of the mirrored direction it does not."""
+    stiffness = in_plane_stiffness(Material(stiffness=Stiffness(**GENERAL, orientation=30.0)), "stress")
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    along, mirrored = (np.array([c * c, s * s, sign * 2 * c * s]) for sign in (1, -1))
+    assert along @ stiffness @ along == pytest.approx(GENERAL["C11"])
+    assert mirrored @ stiffness @ mirrored < 0.6 * GENERAL["C11"]
+
+
 def off_axis_modulus(angle):
     """Young's modulus of LAMINA along a line that axis 1 leaves by an angle [degrees]."""
     e1, e2, nu, shear = LAMINA.values()
