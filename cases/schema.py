@@ -161,6 +161,7 @@ class CaseDescription(Table):
     def _fits_together(self) -> CaseDescription:
         self._names_are_defined()
         self._is_static_or_dynamic()
+        self._stiffnesses_apply()
         self._length_scales_are_resolved()
         self._basis_is_smooth_enough()
         self._bodies_are_apart()
@@ -279,6 +280,24 @@ class CaseDescription(Table):
                 raise BrokenRuleError("is a jump in time", remedy, f"constraints[{number}].value", constraint.value)
         if self.output.snapshots:
             raise BrokenRuleError("are load parameters", "give output.times instead", "output.snapshots")
+
+    def _stiffnesses_apply(self) -> None:
+        for name in {body.material: None for body in self.bodies.values()}:
+            stiffness, fracture = self.materials[name].stiffness, self.materials[name].fracture
+            if stiffness is not None and stiffness.is_engineering and self.plane.assumption == "strain":
+                remedy = 'give C11, C22, C66, C12 of plane strain, or plane.assumption = "stress"'
+                raise BrokenRuleError(
+                    "has engineering constants, which leave plane strain open", remedy, f"materials.{name}.stiffness"
+                )
+            if self.dynamics is None:
+                continue
+            if stiffness is not None:
+                remedy = "give an isotropic pair, or the table load instead of dynamics"
+                raise BrokenRuleError("applies in quasi-static cases only", remedy, f"materials.{name}.stiffness")
+            if fracture is not None and fracture.split == "orthogonal":
+                remedy = "give another split, or the table load instead of dynamics"
+                key = f"materials.{name}.fracture.split"
+                raise BrokenRuleError("applies in quasi-static cases only", remedy, key, fracture.split)
 
     def _length_scales_are_resolved(self) -> None:
         for name, material in self.materials.items():

@@ -57,7 +57,7 @@ class ExplicitFiniteElements:
         self.case, self.costs = case, Costs()
         self.basis = basis = ElementBasis(case)
         materials = MaterialTable(case)
-        self._split, self._density = materials.split[basis.body], materials.density[basis.body]
+        self._split, self._density = materials.law.split[basis.body], materials.density[basis.body]
         self._lam, self._mu = materials.lame_lambda[basis.body], materials.shear_modulus[basis.body]
         self._coefficients = PhaseFieldCoefficients(materials, basis.body)
         self._set_nodes()

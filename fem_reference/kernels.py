@@ -1,7 +1,8 @@
 """Compiled loops over elements: internal forces, tangents, phase field matrices.
 
 Arrays: ``nodes`` (n_el, k) corner numbers; ``shape`` (n_gauss, k) shape functions; ``slope`` (n_el, n_gauss, k, 2)
-their gradients [1/length]; ``volume`` (n_el, n_gauss) weight times thickness; ``material`` one constant per element.
+their gradients [1/length]; ``volume`` (n_el, n_gauss) weight times thickness; ``material`` one constant per element;
+``law`` the elastic laws of the bodies (``Law``) and ``body`` (n_el,) each element's body.
 Local unknowns are ordered node by node, x before y; local matrices keep the upper half, row by row.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from physics.energy_splits import point_response
+from physics.energy_splits import body_response
 
 
 @njit(cache=True, parallel=True)
@@ -29,15 +30,13 @@ def displacement_gradients(nodes, slope, displacement, before, gradient):
 
 
 @njit(cache=True, parallel=True)
-def internal_forces(slope, volume, gradient, degradation, split, lam, mu, force, stress, psi):
+def internal_forces(slope, volume, gradient, degradation, law, body, force, stress, psi):
     """Element forces (n_el, 2k), stress (n_el, n_gauss, 3) and psi_plus, psi_minus (n_el, n_gauss, 2)."""
     for e in prange(slope.shape[0]):
         force[e, :] = 0.0
         for q in range(slope.shape[1]):
             shear = gradient[e, q, 1] + gradient[e, q, 2]
-            r = point_response(
-                split[e], degradation[e, q], gradient[e, q, 0], gradient[e, q, 3], shear, lam[e], mu[e]
-            )
+            r = body_response(law, body[e], degradation[e, q], gradient[e, q, 0], gradient[e, q, 3], shear)
             stress[e, q, 0], stress[e, q, 1], stress[e, q, 2] = r.sxx, r.syy, r.sxy
             psi[e, q, 0], psi[e, q, 1] = r.psi_plus, r.psi_minus
             for a in range(slope.shape[2]):
@@ -47,16 +46,14 @@ def internal_forces(slope, volume, gradient, degradation, split, lam, mu, force,
 
 
 @njit(cache=True, parallel=True)
-def tangents(slope, volume, gradient, degradation, split, lam, mu, local):
+def tangents(slope, volume, gradient, degradation, law, body, local):
     """Upper halves of the element tangents, into ``local`` (n_el, k (2k + 1))."""
     n_unknowns = 2 * slope.shape[2]
     for e in prange(slope.shape[0]):
         local[e, :] = 0.0
         for q in range(slope.shape[1]):
             shear = gradient[e, q, 1] + gradient[e, q, 2]
-            r = point_response(
-                split[e], degradation[e, q], gradient[e, q, 0], gradient[e, q, 3], shear, lam[e], mu[e]
-            )
+            r = body_response(law, body[e], degradation[e, q], gradient[e, q, 0], gradient[e, q, 3], shear)
             w = volume[e, q]
             entry = 0
             for a in range(slope.shape[2]):

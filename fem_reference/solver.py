@@ -52,9 +52,7 @@ class FiniteElements:
     # ---------------------------------------------------------------- set-up
 
     def _set_materials(self, materials: MaterialTable, body: NDArray) -> None:
-        self._body = body
-        self._split = materials.split[body]
-        self._lam, self._mu = materials.lame_lambda[body], materials.shear_modulus[body]
+        self._body, self._law = body, (materials.law, body.astype(np.uint32))
         self._breaks = bool(materials.breakable.any())
         # one value per element, as a column so that it spreads over the Gauss points
         self._coefficients = PhaseFieldCoefficients(materials, body[:, None])
@@ -253,7 +251,7 @@ class FiniteElements:
             self.elements, self.slope, self.displacement - since, before, self._gradient
         )
         kernels.internal_forces(
-            self.slope, self.volume, self._gradient, self._g, self._split, self._lam, self._mu,
+            self.slope, self.volume, self._gradient, self._g, *self._law,
             self._forces, self._stress, self._psi,
         )  # fmt: skip
 
@@ -262,7 +260,7 @@ class FiniteElements:
         with self.costs.timed("assembly"):
             kernels.tangents(
                 self.slope, self.volume, self._gradient, np.maximum(self._g, TORN_STIFFNESS),
-                self._split, self._lam, self._mu, self._local,
+                *self._law, self._local,
             )  # fmt: skip
             values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
         return self._solver.solve(values, -residual)

@@ -1,15 +1,16 @@
 """Compiled loops over cells and the material points in them.
 
 Arrays: ``nodes`` (n_cells, k) nodes of each cell of the pattern; points ``members[starts[e]:starts[e + 1]]`` lie in
-cell e; ``value`` (n_points, k) and ``slope`` (n_points, k, 2) are the basis at the points. Local unknowns are ordered
-node by node, x before y; local matrices keep the upper half, row by row.
+cell e; ``value`` (n_points, k) and ``slope`` (n_points, k, 2) are the basis at the points; ``law`` are the elastic
+laws of the bodies (``Law``) and ``body`` (n_points,) each point's body. Local unknowns are ordered node by node, x before
+y; local matrices keep the upper half, row by row.
 """
 
 from __future__ import annotations
 
 from numba import njit, prange
 
-from physics.energy_splits import point_response
+from physics.energy_splits import body_response
 
 
 @njit(cache=True, parallel=True)
@@ -28,12 +29,11 @@ def add_gradients(nodes, cell, slope, displacement, committed, gradient):
 
 
 @njit(cache=True, parallel=True)
-def stresses(gradient, degradation, split, lam, mu, stress, psi):
+def stresses(gradient, degradation, law, body, stress, psi):
     """Stress (n_points, 3) and psi_plus, psi_minus (n_points, 2) from the displacement gradient."""
     for p in prange(gradient.shape[0]):
-        r = point_response(
-            split[p], degradation[p], gradient[p, 0], gradient[p, 3], gradient[p, 1] + gradient[p, 2], lam[p], mu[p]
-        )
+        shear = gradient[p, 1] + gradient[p, 2]
+        r = body_response(law, body[p], degradation[p], gradient[p, 0], gradient[p, 3], shear)
         stress[p, 0], stress[p, 1], stress[p, 2] = r.sxx, r.syy, r.sxy
         psi[p, 0], psi[p, 1] = r.psi_plus, r.psi_minus
 
@@ -52,16 +52,15 @@ def internal_forces(starts, members, slope, volume, stress, local):
 
 
 @njit(cache=True, parallel=True)
-def tangents(starts, members, slope, volume, gradient, degradation, split, lam, mu, local):
+def tangents(starts, members, slope, volume, gradient, degradation, law, body, local):
     """Upper halves (n_cells, k (2k + 1)) of each cell's tangent: sum of B^T D B Omega over its points, Eq. 3.59."""
     k = slope.shape[1]
     for e in prange(local.shape[0]):
         local[e, :] = 0.0
         for m in range(starts[e], starts[e + 1]):
             p = members[m]
-            r = point_response(
-                split[p], degradation[p], gradient[p, 0], gradient[p, 3], gradient[p, 1] + gradient[p, 2], lam[p], mu[p]
-            )
+            shear = gradient[p, 1] + gradient[p, 2]
+            r = body_response(law, body[p], degradation[p], gradient[p, 0], gradient[p, 3], shear)
             row = 0
             for a in range(k):
                 gx, gy = slope[p, a, 0] * volume[p], slope[p, a, 1] * volume[p]

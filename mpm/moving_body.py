@@ -136,7 +136,7 @@ class MovingBody:
         table = MaterialTable(case)
         self.lam, self.mu = float(table.lame_lambda[number]), float(table.shear_modulus[number])
         self.density = float(table.density[number])
-        self.breakable, self.split = bool(table.breakable[number]) and not self.rigid, int(table.split[number])
+        self.breakable, self.split = bool(table.breakable[number]) and not self.rigid, int(table.law.split[number])
         self.residual_stiffness = float(table.residual_stiffness[number])
         self._has_axes = bool(table.fourth_order[number]) and not self.rigid
 

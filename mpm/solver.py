@@ -85,8 +85,8 @@ class MaterialPoints:
 
     def _set_materials(self, materials: MaterialTable) -> None:
         body = self.cloud.body
-        self._split = materials.split[body]
-        self._lam, self._mu = materials.lame_lambda[body], materials.shear_modulus[body]
+        self._law = materials.law, body.astype(np.uint32)
+        self._uniaxial_modulus = materials.stiffness[:, [0, 1], [0, 1]].max(axis=1)[body]
         self._breaks = bool(materials.breakable.any())
         self._coefficients = PhaseFieldCoefficients(materials, body)
         self._fourth_order = bool(materials.fourth_order.any())
@@ -237,7 +237,7 @@ class MaterialPoints:
 
     def _stiffness(self) -> NDArray:
         """Penalty (n_points,) [force / length]: a multiple of the uniaxial modulus times thickness."""
-        return self.case.mpm.penalty * (self._lam + 2.0 * self._mu) * self.case.plane.thickness
+        return self.case.mpm.penalty * self._uniaxial_modulus * self.case.plane.thickness
 
     def _set_equations(self, active: ActiveGrid) -> None:
         """Number the unknowns of the nodes in use and build the patterns."""
@@ -384,7 +384,7 @@ class MaterialPoints:
         kernels.add_gradients(
             active.nodes, active.cell, self._slope, self._increment, self.state.gradient, self._gradient
         )
-        kernels.stresses(self._gradient, self._g, self._split, self._lam, self._mu, self._stress, self._psi)
+        kernels.stresses(self._gradient, self._g, *self._law, self._stress, self._psi)
 
     def _point_displacement(self) -> NDArray:
         """Displacement (n_points, 2) after the trial increment."""
@@ -397,7 +397,7 @@ class MaterialPoints:
             active = self._active
             kernels.tangents(
                 active.starts, active.members, self._slope, self._volume,
-                self._gradient, np.maximum(self._g, TORN_STIFFNESS), self._split, self._lam, self._mu, self._local,
+                self._gradient, np.maximum(self._g, TORN_STIFFNESS), *self._law, self._local,
             )  # fmt: skip
             values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
             self._penalties.add_stiffness(self._pattern, values)

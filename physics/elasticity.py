@@ -1,12 +1,20 @@
-"""Plane elasticity: the in-plane Lamé constants of plane strain and plane stress."""
+"""Plane elasticity: in-plane Lamé constants of plane strain and plane stress, and stiffness with a direction."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cases import Case
+from cases.material import Material
 
-from .surface_energy import curvature_operator
+from .surface_energy import curvature_operator, rotation
+
+SPLIT_CODES = {"none": 0, "volumetric_deviatoric": 1, "spectral": 2}
+#: added to the code of a split that acts on strain~
+ROOTED = 3
 
 
 def in_plane_first_lame(lame_lambda: float, shear_modulus: float, assumption: str) -> float:
@@ -20,20 +28,83 @@ def in_plane_first_lame(lame_lambda: float, shear_modulus: float, assumption: st
     return 2.0 * lame_lambda * shear_modulus / (lame_lambda + 2.0 * shear_modulus)
 
 
+def in_plane_stiffness(material: Material, assumption: str) -> NDArray:
+    """Matrix C (3, 3) from strains xx, yy, engineering xy to stresses xx, yy, xy [stress]."""
+    if material.stiffness is None:
+        lam, mu = in_plane_first_lame(material.lam, material.mu, assumption), material.mu
+        return np.array([[lam + 2 * mu, lam, 0.0], [lam, lam + 2 * mu, 0.0], [0.0, 0.0, mu]])
+    # stresses turn as second derivatives do
+    back = rotation(-np.radians(material.stiffness.orientation))
+    return back @ material.stiffness.matrix() @ back.T
+
+
+def energy_root(stiffness: NDArray) -> NDArray:
+    """Matrix R (3, 3) with strain~ = R strain, both xx, yy, engineering xy, whose squares are twice the energy.
+
+    It is C^(1/2) of He and Shao (2019, doi 10.1115/1.4042217), there in an orthonormal basis of the strains.
+    """
+    mandel = np.array([1.0, 1.0, np.sqrt(2.0)])
+    eigenvalues, vectors = np.linalg.eigh(stiffness * np.outer(mandel, mandel))
+    root = (vectors * np.sqrt(eigenvalues)) @ vectors.T
+    return root * np.outer(mandel, 1.0 / mandel)
+
+
+class Law(NamedTuple):
+    """Elastic laws as arrays over bodies, as compiled loops take them.
+
+    ``split`` is a code of ``SPLIT_CODES`` and ``lam``, ``mu`` [stress] are in-plane constants. Where ``ROOTED``
+    is added to the code, the split acts on strain~ = R strain, with lambda = 0 and mu = 1/2, and stress = R^T stress~;
+    ``root`` (n_bodies, 3, 3) is R of ``energy_root``.
+    """
+
+    split: NDArray
+    lam: NDArray
+    mu: NDArray
+    root: NDArray
+
+    @classmethod
+    def isotropic(cls, split: str, lam: float, mu: float) -> Law:
+        """The law of one isotropic body, for the splits that need no root."""
+        return cls(np.array([SPLIT_CODES[split]]), np.array([lam]), np.array([mu]), np.zeros((1, 3, 3)))
+
+    @classmethod
+    def rooted(cls, split: str, stiffness: NDArray) -> Law:
+        """The law of one body of any stiffness C (3, 3) with the split "none" or "orthogonal" (He and Shao 2019)."""
+        # with lambda = 0 and mu = 1/2 the spectral split parts strain~ by its principal values
+        code = ROOTED + SPLIT_CODES["spectral" if split == "orthogonal" else split]
+        return cls(np.array([code]), np.zeros(1), np.full(1, 0.5), energy_root(stiffness)[None])
+
+    @classmethod
+    def of(cls, material: Material, assumption: str) -> Law:
+        """The law of a material in a plane case."""
+        split = material.fracture.split if material.fracture else "none"
+        if material.is_anisotropic or split == "orthogonal":
+            return cls.rooted(split, in_plane_stiffness(material, assumption))
+        return cls.isotropic(split, in_plane_first_lame(material.lam, material.mu, assumption), material.mu)
+
+    def without_split(self) -> Law:
+        """The same stiffnesses with all energy degraded."""
+        return self._replace(split=np.where(self.split >= ROOTED, ROOTED, SPLIT_CODES["none"]))
+
+
 class MaterialTable:
     """Material constants of each body, as arrays indexed by body number (order of ``case.bodies``).
 
-    ``lame_lambda`` is the in-plane constant; bodies that cannot break have ``breakable`` False and
-    harmless placeholders for toughness and length scale; a static case may give no density. ``curvature``
-    (n_bodies, 3, 3) are the operators of `curvature_operator`, zero but where ``fourth_order``.
+    ``stiffness`` (n_bodies, 3, 3) takes in-plane strains to stresses in the axes x and y; ``lame_lambda`` and
+    ``shear_modulus`` are the in-plane constants of isotropic bodies, not a number for others. Bodies that cannot break
+    have ``breakable`` False and harmless placeholders for toughness and length scale; a static case may give no
+    density. ``curvature`` (n_bodies, 3, 3) are the operators of `curvature_operator`, zero but where ``fourth_order``.
     """
 
     def __init__(self, case: Case) -> None:
         materials = [case.materials[body.material] for body in case.bodies.values()]
         fractures = [material.fracture for material in materials]
         assumption = case.plane.assumption
-        self.lame_lambda = np.array([in_plane_first_lame(m.lam, m.mu, assumption) for m in materials])
-        self.shear_modulus = np.array([m.mu for m in materials])
+        self.law = Law(*map(np.concatenate, zip(*(Law.of(m, assumption) for m in materials), strict=True)))
+        self.stiffness = np.array([in_plane_stiffness(material, assumption) for material in materials])
+        isotropic = ~np.array([material.is_anisotropic for material in materials])
+        self.lame_lambda = np.where(isotropic, self.stiffness[:, 0, 1], np.nan)
+        self.shear_modulus = np.where(isotropic, self.stiffness[:, 2, 2], np.nan)
         self.density = np.array([m.density or 0.0 for m in materials])
         self.breakable = np.array([f is not None for f in fractures])
         self.toughness = np.array([f.toughness if f else 1.0 for f in fractures])
@@ -41,7 +112,3 @@ class MaterialTable:
         self.residual_stiffness = np.array([f.residual_stiffness if f else 0.0 for f in fractures])
         self.fourth_order = np.array([f is not None and f.order == 4 for f in fractures])
         self.curvature = np.array([curvature_operator(f) for f in fractures])
-        self.split = np.array([SPLIT_CODES[f.split] if f else SPLIT_CODES["none"] for f in fractures])
-
-
-SPLIT_CODES = {"none": 0, "volumetric_deviatoric": 1, "spectral": 2}

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cases import Case
+from cases import Case, CaseError
 
 from . import exact_motion
-from .elasticity import MaterialTable
+from .elasticity import MaterialTable, in_plane_stiffness
 from .surface_energy import SurfaceEnergy, profile
 
 #: a vector or scalar field: (case, points (n, 2), load) -> (n, 2) or (n,)
@@ -42,12 +42,23 @@ def _first_material(case: Case):
     return next(iter(case.materials.values()))
 
 
+def _isotropic_material(case: Case):
+    """The first material. Raises CaseError where it has no Young's modulus."""
+    name, material = next(iter(case.materials.items()))
+    if material.is_anisotropic:
+        raise CaseError(
+            f"{case.source}: materials.{name}.stiffness: the case's exact solution or motion is that of an isotropic"
+            " material; give an isotropic pair, or remove exact and motion."
+        )
+    return material
+
+
 def mode_one_displacement(case: Case, points: NDArray, load: float) -> NDArray:
     """Displacement (n, 2) of the plane-strain mode I field with its tip at (load, 0) and K^2 = E Gc / (1 - nu^2).
 
     This is the "surfing" boundary condition of Hossain et al. (2014); the crack lies on y = 0, x < load.
     """
-    material = _first_material(case)
+    material = _isotropic_material(case)
     mu, nu = material.mu, material.poisson_ratio
     intensity = np.sqrt(material.young_modulus * material.fracture.toughness / (1.0 - nu**2))
     x, y = points[:, 0] - load, points[:, 1]
@@ -64,16 +75,16 @@ def _sine_displacement(case: Case, points: NDArray, load: float) -> NDArray:
 
 def _sine_body_force(case: Case, points: NDArray, load: float) -> NDArray:
     """b = -div stress of ``_sine_displacement`` [force / length^3]."""
-    table = MaterialTable(case)
-    lam, mu = table.lame_lambda[0], table.shear_modulus[0]
+    c = MaterialTable(case).stiffness[0]
     x, y = np.pi * points.T
     square = np.pi**2 * load
     ux_xx, ux_yy = -4 * square * np.sin(2 * x) * np.sin(y), -square * np.sin(2 * x) * np.sin(y)
     uy_xx, uy_yy = -square * np.sin(x) * np.sin(2 * y), -4 * square * np.sin(x) * np.sin(2 * y)
     ux_xy = 2 * square * np.cos(2 * x) * np.cos(y)
     uy_xy = 2 * square * np.cos(x) * np.cos(2 * y)
-    bx = (lam + 2 * mu) * ux_xx + mu * ux_yy + (lam + mu) * uy_xy
-    by = (lam + 2 * mu) * uy_yy + mu * uy_xx + (lam + mu) * ux_xy
+    shear = c[0, 1] + c[2, 2]
+    bx = c[0, 0] * ux_xx + c[2, 2] * ux_yy + shear * uy_xy + c[0, 2] * (2 * ux_xy + uy_xx) + c[1, 2] * uy_yy
+    by = c[1, 1] * uy_yy + c[2, 2] * uy_xx + shear * ux_xy + c[1, 2] * (2 * uy_xy + ux_yy) + c[0, 2] * ux_xx
     return -np.column_stack([bx, by])
 
 
@@ -101,10 +112,18 @@ def _bar_strain(case: Case, load: float) -> float:
     return load / (upper[0] - lower[0])
 
 
-def _bar_phase_field(case: Case, load: float) -> float:
-    """c = 1 / (1 + 4 l0 H / Gc) with H = E strain^2 / 2, uniaxial stress, k_f = 0."""
+def _bar_modulus(case: Case) -> float:
+    """Stress over strain under uniaxial stress along x [stress]; the bar is free to shear, as off-axis ones do."""
     material = _first_material(case)
-    history_field = 0.5 * material.young_modulus * _bar_strain(case, load) ** 2
+    if material.is_anisotropic:
+        return 1.0 / float(np.linalg.inv(in_plane_stiffness(material, case.plane.assumption))[0, 0])
+    return material.young_modulus
+
+
+def _bar_phase_field(case: Case, load: float) -> float:
+    """c = 1 / (1 + 4 l0 H / Gc) with H = E strain^2 / 2, all energy degraded, uniaxial stress, k_f = 0."""
+    material = _first_material(case)
+    history_field = 0.5 * _bar_modulus(case) * _bar_strain(case, load) ** 2
     return 1.0 / (1.0 + 4.0 * material.fracture.length_scale * history_field / material.fracture.toughness)
 
 
@@ -112,7 +131,7 @@ def _bar_force(case: Case, load: float) -> float:
     """F = c^2 E strain times the cross-section."""
     lower, upper = case.bounding_box()
     section = (upper[1] - lower[1]) * case.plane.thickness
-    stress = _first_material(case).young_modulus * _bar_strain(case, load)
+    stress = _bar_modulus(case) * _bar_strain(case, load)
     return _bar_phase_field(case, load) ** 2 * stress * section
 
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physics.elasticity import in_plane_first_lame
-from physics.energy_splits import SPLIT_CODES, responses
+from physics.elasticity import SPLIT_CODES, Law, in_plane_first_lame
+from physics.energy_splits import responses
 
 LAM, MU = 121.15, 80.77
 SPLITS = sorted(SPLIT_CODES)
@@ -20,7 +20,7 @@ SPECIAL = np.array(
 
 
 def energy(split, g, strain):
-    energies, _, _ = responses(split, g, strain, LAM, MU)
+    energies, _, _ = responses(Law.isotropic(split, LAM, MU), g, strain)
     return g * energies[:, 0] + energies[:, 1]
 
 
@@ -45,9 +45,9 @@ def test_stress_and_tangent_are_derivatives(split, g_value):
     random = np.random.default_rng(3).normal(scale=1e-3, size=(400, 3))
     strain = np.vstack([away_from_kinks(random), away_from_kinks(SPECIAL)])
     g = np.full(len(strain), g_value)
-    _, stress, tangent = responses(split, g, strain, LAM, MU)
+    _, stress, tangent = responses(Law.isotropic(split, LAM, MU), g, strain)
     numerical_stress = central_difference(lambda e: energy(split, g, e), strain)
-    numerical_tangent = central_difference(lambda e: responses(split, g, e, LAM, MU)[1], strain)
+    numerical_tangent = central_difference(lambda e: responses(Law.isotropic(split, LAM, MU), g, e)[1], strain)
     assert np.abs(stress - numerical_stress).max() < 1e-7 * LAM
     assert np.abs(tangent - numerical_tangent).max() < 1e-5 * LAM
 
@@ -56,7 +56,7 @@ def test_stress_and_tangent_are_derivatives(split, g_value):
 def test_undamaged_law_is_hooke(split):
     strain = np.vstack([np.random.default_rng(0).normal(scale=1e-3, size=(50, 3)), SPECIAL, np.zeros((1, 3))])
     hooke = np.array([[LAM + 2 * MU, LAM, 0], [LAM, LAM + 2 * MU, 0], [0, 0, MU]])
-    energies, stress, tangent = responses(split, np.ones(len(strain)), strain, LAM, MU)
+    energies, stress, tangent = responses(Law.isotropic(split, LAM, MU), np.ones(len(strain)), strain)
     assert np.allclose(stress, strain @ hooke, rtol=1e-12, atol=1e-15)
     assert np.allclose(tangent, hooke, rtol=1e-10)
     assert np.allclose(energies.sum(1), 0.5 * np.einsum("pi,ij,pj->p", strain, hooke, strain), rtol=1e-12)
@@ -66,7 +66,7 @@ def test_undamaged_law_is_hooke(split):
 @settings(max_examples=200, deadline=None)
 def test_energy_is_split_into_two_parts_that_are_never_negative(strain, g):
     for split in SPLITS:
-        energies, _, tangent = responses(split, np.array([g]), np.array([strain]), LAM, MU)
+        energies, _, tangent = responses(Law.isotropic(split, LAM, MU), np.array([g]), np.array([strain]))
         assert energies.min() >= 0
         assert np.linalg.eigvalsh(tangent[0]).min() > -1e-9 * LAM
 
@@ -74,7 +74,7 @@ def test_energy_is_split_into_two_parts_that_are_never_negative(strain, g):
 def test_compression_does_not_drive_fracture():
     compression = np.array([[-1e-3, -1e-3, 0.0]])
     for split in ("spectral", "volumetric_deviatoric"):
-        energies, stress, _ = responses(split, np.zeros(1), compression, LAM, MU)
+        energies, stress, _ = responses(Law.isotropic(split, LAM, MU), np.zeros(1), compression)
         assert energies[0, 0] == 0
         assert stress[0, 0] == pytest.approx(-2e-3 * (LAM + MU))
 
@@ -83,5 +83,5 @@ def test_plane_stress_leaves_youngs_modulus_in_uniaxial_tension():
     young, poisson = 210.0, 0.3
     lam, mu = young * poisson / (1 + poisson) / (1 - 2 * poisson), young / 2 / (1 + poisson)
     plane = in_plane_first_lame(lam, mu, "stress")
-    stress = responses("none", np.ones(1), np.array([[1e-3, -poisson * 1e-3, 0.0]]), plane, mu)[1][0]
+    stress = responses(Law.isotropic("none", plane, mu), np.ones(1), np.array([[1e-3, -poisson * 1e-3, 0.0]]))[1][0]
     assert stress == pytest.approx([young * 1e-3, 0, 0], abs=1e-12)

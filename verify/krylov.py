@@ -14,7 +14,7 @@ from fem_reference import kernels
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
-from physics.elasticity import SPLIT_CODES, MaterialTable
+from physics.elasticity import MaterialTable
 from physics.phase_field import degradation
 from verify.verdicts import NO_CONVERGENCE, STABLE, Verdict
 
@@ -67,7 +67,7 @@ class CrackedBody:
         unknowns = (2 * self._basis.elements[:, :, None] + np.arange(2)).reshape(len(body), -1)
         self._equations = self._constraints.equations[unknowns]
         self._pattern = SymmetricPattern(self._equations, self._constraints.size)
-        self._law = np.full(len(body), SPLIT_CODES["none"]), table.lame_lambda[body], table.shear_modulus[body]
+        self._law = table.law.without_split(), body.astype(np.uint32)
         lower, upper = case.bounding_box()
         from_crack = np.abs(self._basis.gauss_points[..., 0] - 0.5 * (lower[0] + upper[0])) / case.mesh.h
         self._fade = np.exp(-np.maximum(from_crack - 1.0, 0.0))
