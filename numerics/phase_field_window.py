@@ -102,10 +102,10 @@ def conjugate_gradients(
     """Correction (n,) of the phase field and the number of iterations.
 
     neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
-    the diagonal. right_side : (n,). sources : (n,) sums of the
-    rows without history field. share : of them that may be left over. Beside the diagonal a residual could be small that
-    belongs to a large correction: the history field of few broken points makes rows heavy, and with them the diagonal,
-    but holds the phase field only at these points; at order 4 the bends do.
+    the diagonal. right_side : (n,). sources : (n,) sums of the rows without history field. share : of them that may be
+    left over. Beside the diagonal a residual could be small that belongs to a large correction: the history field of few
+    broken points makes rows heavy, and with them the diagonal, but holds the phase field only at these points; at
+    order 4 the bends do.
     """
     correction = np.zeros(len(right_side))
     pull = PULL * sources.max()
