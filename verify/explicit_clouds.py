@@ -1,11 +1,11 @@
 """The border of explicit integration, measured: small free clouds of material points in the solver itself.
 
-Beside it stands what the eigenvalues of the same cloud say. With M the lumped and K the stiffness matrix, strain e,
-velocities v and acceleration a = -M^-1 K-like forces, a step changes the points' velocities by the share P = M^-1 N^T m N
-of the nodes' changes that survives the way to the points and back. A mode first grows by changing its sign in each step:
-inserting -1 for the growth of v and e leaves 4 / step² = largest eigenvalue of A M^-1 K, where A = 2 - P for strains
-before the points' velocities (USL) and A = P for strains after them (MUSL). No points lose their motion where P = 1, and
-both are then the central differences' 2 / sqrt(lambda_max).
+Beside it stands what the eigenvalues of the same cloud say. With M the lumped mass, K the stiffness matrix, e the
+strains and v the velocities, a step changes the nodes' velocities by M^-1 times the internal forces, and the points' by
+the share P = M^-1 N^T m N of that which survives the way to the points and back. A mode first grows by changing its
+sign in each step: inserting -1 for the growth of v and e leaves 4 / step² = largest eigenvalue of A M^-1 K, where A = 2
+- P for strains before the points' velocities (USL) and A = P for strains after them (MUSL). No points lose their motion
+where P = 1, and both are then the central differences' 2 / sqrt(lambda_max).
 """
 
 from functools import cache
