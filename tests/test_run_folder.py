@@ -3,9 +3,9 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -172,10 +172,13 @@ def test_a_killed_run_is_never_taken_for_a_whole_one(case_file: Path, tmp_path: 
 def test_a_run_is_interrupted_when_its_parent_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     killed = SimpleNamespace(join=lambda: None)
     monkeypatch.setattr(jobs.multiprocessing, "parent_process", lambda: killed)
-    watch = threading.Thread(target=jobs._end_with_parent)
-    with pytest.raises(KeyboardInterrupt):
-        watch.start()
-        time.sleep(10.0)
+    monkeypatch.setattr(jobs, "do", lambda job: time.sleep(10.0))
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell starts what runs in its background
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            jobs._do_for_parent(None)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_kill_between_the_two_renames_gives_the_older_run_back(case_file: Path, tmp_path: Path) -> None:

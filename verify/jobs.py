@@ -102,6 +102,8 @@ def _fresh_processes() -> multiprocessing.context.BaseContext:
 
 
 def _do_for_parent(job: Job) -> Outcome:
+    # a shell starts what runs in its background with interrupts ignored, and children take that over
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     return do(job)
 
