@@ -68,6 +68,7 @@ def _causes(details: list[Any]) -> list[Any]:
     places = [detail["loc"] for detail in details]
 
     def follows(place: tuple[int | str, ...]) -> bool:
+        """Something inside of it is wrong."""
         return any(other[: len(place)] == place and len(other) > len(place) for other in places)
 
     first = [d for d in details if d["type"] != _UNAVAILABLE_DEFAULT and not follows(d["loc"])]

@@ -112,11 +112,13 @@ def _grading(case: Case) -> tuple[Callable[[float], float], Callable[[float], fl
     reach = (coarse - h) / rate
 
     def passed(distance: float) -> float:
+        """Cells up to a distance."""
         if distance <= reach:
             return math.log1p(rate * distance / h) / rate
         return cells_graded + (distance - reach) / coarse
 
     def place(cells: float) -> float:
+        """Distance at a number of cells."""
         if cells <= cells_graded:
             return h * math.expm1(rate * cells) / rate
         return reach + (cells - cells_graded) * coarse

@@ -137,6 +137,7 @@ def quantity(value: Any, kind: str, info: ValidationInfo) -> Any:
 
 def _reader(kind: str) -> BeforeValidator:
     def read(value: Any, info: ValidationInfo) -> Any:
+        """The value in the units of the case."""
         return quantity(value, kind, info)
 
     return BeforeValidator(read, json_schema_input_type=float | str)

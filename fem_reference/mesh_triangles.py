@@ -155,6 +155,7 @@ def snapped(slit: Slit, outlines: Sequence[BaseGeometry], reach: float) -> Slit:
     """The slit with an end that lies within `reach` [length] of an outline moved onto it."""
 
     def onto(end: tuple[float, float]) -> tuple[float, float]:
+        """The end, or its nearest point on an outline within reach."""
         point = shapely.Point(end)
         boundary = min((outline.boundary for outline in outlines), key=point.distance)
         if point.distance(boundary) > reach:

@@ -26,7 +26,7 @@ RESIDUAL = 1e-4
 SMOOTH_RESIDUAL = 5e-3
 #: stiffness of the pull towards the start of the solution, over the largest source and over the node's diagonal
 PULL, PULL_OF_DIAGONAL = 1e-4, 1e-6
-NOT_FOUND = "the phase field of a time step was not found; its equation holds a value that is not finite"
+NOT_FOUND = "the phase field of a time step was not found; its equations are too stiff or hold a value that is not finite"
 
 
 @dataclass(frozen=True)
