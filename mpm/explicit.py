@@ -173,14 +173,18 @@ class ExplicitMaterialPoints:
 
     def _update(self, now: float, size: float) -> None:
         """Velocities, places, strains and stresses of the points."""
+        if not self._updates_last:
+            with self.costs.timed("to_points"):
+                for body in self.bodies:
+                    body.update_all(size)
+            return
         with self.costs.timed("to_points"):
             for body in self.bodies:
                 body.update_points(size)
-        if self._updates_last:
-            with self.costs.timed("to_grid"):
-                for body in self._moving:
-                    body.map_momentum_again()
-                self._hold(now)
+        with self.costs.timed("to_grid"):
+            for body in self._moving:
+                body.map_momentum_again()
+            self._hold(now)
         with self.costs.timed("to_points"):
             for body in self._moving:
                 body.update_stresses(size)

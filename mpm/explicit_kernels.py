@@ -15,47 +15,55 @@ from numba import njit, prange
 
 from physics.energy_splits import point_response
 
+from .stencil_sums import add_products, sum_products
+
 #: cells that a point may wander from where it was sorted, in each direction
 DRIFT = 1
 #: points tell how far a body reaches at a node when the normal there passes within this part of their size: more would
 #: make flats of round bodies' lowest points, half is the least that leaves no hole between points
 LATERAL = 0.75
+#: liberties of the compiler that change results by round-off alone
+ROUNDED = {"contract", "nsz", "arcp"}
 #: columns of cells in a strip: two strips of one colour must stay apart for cubic splines and drifting points
 STRIP = 6
 
 
-@njit(inline="always")
-def _linear(xi, value, slope):
-    value[0], value[1] = 1.0 - xi, xi
-    slope[0], slope[1] = -1.0, 1.0
+@njit(fastmath=ROUNDED)
+def _linear(xi):
+    return (1.0 - xi, xi, 0.0, 0.0), (-1.0, 1.0, 0.0, 0.0)
 
 
-@njit(inline="always")
-def _quadratic(xi, value, slope):
+@njit(fastmath=ROUNDED)
+def _quadratic(xi):
     eta = 1.0 - xi
-    value[0], value[1], value[2] = 0.5 * eta * eta, 0.5 + xi * eta, 0.5 * xi * xi
-    slope[0], slope[1], slope[2] = -eta, eta - xi, xi
+    return (0.5 * eta * eta, 0.5 + xi * eta, 0.5 * xi * xi, 0.0), (-eta, eta - xi, xi, 0.0)
 
 
-@njit(inline="always")
-def _cubic(xi, value, slope):
+@njit(fastmath=ROUNDED)
+def _cubic(xi):
     eta = 1.0 - xi
-    value[0], value[3] = eta * eta * eta / 6.0, xi * xi * xi / 6.0
-    value[1] = (4.0 - 3.0 * xi * xi * (1.0 + eta)) / 6.0
-    value[2] = (4.0 - 3.0 * eta * eta * (1.0 + xi)) / 6.0
-    slope[0], slope[3] = -0.5 * eta * eta, 0.5 * xi * xi
-    slope[1], slope[2] = 0.5 * xi * (xi - 2.0 * eta - 2.0), -0.5 * eta * (eta - 2.0 * xi - 2.0)
+    one, two = (4.0 - 3.0 * xi * xi * (1.0 + eta)) / 6.0, (4.0 - 3.0 * eta * eta * (1.0 + xi)) / 6.0
+    value = (eta * eta * eta / 6.0, one, two, xi * xi * xi / 6.0)
+    inner = (0.5 * xi * (xi - 2.0 * eta - 2.0), -0.5 * eta * (eta - 2.0 * xi - 2.0))
+    return value, (-0.5 * eta * eta, inner[0], inner[1], 0.5 * xi * xi)
+
+
+@njit(fastmath=ROUNDED)
+def _splines(k, xi):
+    """Values and slopes of the k = order + 1 splines of a cell at xi in [0, 1), tuples of four with zeros behind them."""
+    if k == 3:
+        return _quadratic(xi)
+    if k == 4:
+        return _cubic(xi)
+    return _linear(xi)
 
 
 @njit(inline="always")
 def _basis(k, xi, value, slope):
     """Values and slopes (k,) of the k = order + 1 splines of a cell at xi in [0, 1), slopes for cells of size one."""
-    if k == 3:
-        _quadratic(xi, value, slope)
-    elif k == 4:
-        _cubic(xi, value, slope)
-    else:
-        _linear(xi, value, slope)
+    values, slopes = _splines(k, xi)
+    for a in range(k):
+        value[a], slope[a] = values[a], slopes[a]
 
 
 @njit(inline="always")
@@ -90,157 +98,132 @@ def turned_strain(exx, eyy, gxy, l00, l01, l10, l11, corotational):
     m00, m01 = (l00 * d - l01 * c) * over, (l01 * a - l00 * b) * over
     m10, m11 = (l10 * d - l11 * c) * over, (l11 * a - l10 * b) * over
     half = 0.25 * (m10 - m01)  # half of the angle
-    # twice the angle by Cayley's formula, as the deviator turns
-    t = 2.0 * half / (1.0 - half * half)
-    cosine, sine = (1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t)
+    # cosine and sine of twice the angle, as the deviator turns, by Cayley's formula: half is the tangent of a quarter
+    even, odd = 1.0 - half * half, 2.0 * half
+    over = 1.0 / ((1.0 + half * half) * (1.0 + half * half))
+    cosine, sine = (even * even - odd * odd) * over, 2.0 * even * odd * over
     mean, difference, shear = 0.5 * (exx + eyy), 0.5 * (exx - eyy), 0.5 * gxy
     turned, sheared = cosine * difference - sine * shear, sine * difference + cosine * shear
     return mean + turned + m00, mean - turned + m11, 2.0 * sheared + m01 + m10
 
 
 def _to_grid(k):
-    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
+    @njit(cache=True, parallel=True, fastmath=ROUNDED)
     def to_grid(strips, x, y, vx, vy, mass, volume, sxx, syy, sxy, over_h, width, m, px, py, fx, fy):
         """Masses (Eq. 3.58), momenta (6.24) and minus internal forces (6.25) of the nodes."""
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
-                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-                for p in range(strips[strip], strips[strip + 1]):
+                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                     i, j = int(x[p]), int(y[p])
-                    _basis(k, x[p] - i, wx, dx)
-                    _basis(k, y[p] - j, wy, dy)
-                    mx, my = mass[p] * vx[p], mass[p] * vy[p]
-                    v = volume[p] * over_h
-                    txx, tyy, txy = v * sxx[p], v * syy[p], v * sxy[p]
-                    for a in range(k):
-                        first = (i + a) * width + j
-                        mass_a, mx_a, my_a = mass[p] * wx[a], mx * wx[a], my * wx[a]
-                        fxx_a, fxy_a, fyy_a = txx * dx[a], txy * wx[a], tyy * wx[a]
-                        fyx_a = txy * dx[a]
-                        for b in range(k):
-                            m[first + b] += mass_a * wy[b]
-                            px[first + b] += mx_a * wy[b]
-                            py[first + b] += my_a * wy[b]
-                            fx[first + b] -= fxx_a * wy[b] + fxy_a * dy[b]
-                            fy[first + b] -= fyx_a * wy[b] + fyy_a * dy[b]
+                    (wx, dx), (wy, dy) = _splines(k, x[p] - i), _splines(k, y[p] - j)
+                    first, v = i * width + j, -volume[p] * over_h
+                    add_products(k, m, first, width, ((mass[p], wx, wy),))
+                    add_products(k, px, first, width, ((mass[p] * vx[p], wx, wy),))
+                    add_products(k, py, first, width, ((mass[p] * vy[p], wx, wy),))
+                    add_products(k, fx, first, width, ((v * sxx[p], dx, wy), (v * sxy[p], wx, dy)))
+                    add_products(k, fy, first, width, ((v * sxy[p], dx, wy), (v * syy[p], wx, dy)))
 
     return to_grid
 
 
+@njit(fastmath=ROUNDED)
+def _times_offset(k, weight, xi):
+    """The k of four weights times the way from a point at xi of a cell to their nodes, in cells."""
+    start = 0.5 * (k - 2) + xi
+    return (-start * weight[0], (1.0 - start) * weight[1], (2.0 - start) * weight[2], (3.0 - start) * weight[3])
+
+
 def _affine_to_grid(k):
-    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
+    @njit(cache=True, parallel=True, fastmath=ROUNDED)
     def affine_to_grid(strips, x, y, mass, cxx, cxy, cyx, cyy, h, width, px, py):
         """Momenta of the points' velocity gradients c about the points, added to those of the nodes."""
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
-                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-                for p in range(strips[strip], strips[strip + 1]):
+                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                     i, j = int(x[p]), int(y[p])
-                    _basis(k, x[p] - i, wx, dx)
-                    _basis(k, y[p] - j, wy, dy)
-                    arm = h * mass[p]
-                    for a in range(k):
-                        first, off_x = (i + a) * width + j, i + a - 0.5 * (k - 2) - x[p]
-                        for b in range(k):
-                            off_y, w = j + b - 0.5 * (k - 2) - y[p], arm * wx[a] * wy[b]
-                            px[first + b] += w * (cxx[p] * off_x + cxy[p] * off_y)
-                            py[first + b] += w * (cyx[p] * off_x + cyy[p] * off_y)
+                    wx, wy = _splines(k, x[p] - i)[0], _splines(k, y[p] - j)[0]
+                    off_x, off_y = _times_offset(k, wx, x[p] - i), _times_offset(k, wy, y[p] - j)
+                    first, arm = i * width + j, h * mass[p]
+                    add_products(k, px, first, width, ((arm * cxx[p], off_x, wy), (arm * cxy[p], wx, off_y)))
+                    add_products(k, py, first, width, ((arm * cyx[p], off_x, wy), (arm * cyy[p], wx, off_y)))
 
     return affine_to_grid
 
 
 def _momentum_to_grid(k):
-    @njit(cache=True, parallel=True)
+    @njit(cache=True, parallel=True, fastmath=ROUNDED)
     def momentum_to_grid(strips, x, y, vx, vy, mass, width, px, py):
         """Momenta of the nodes (Eq. 6.24) alone."""
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
-                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-                for p in range(strips[strip], strips[strip + 1]):
+                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                     i, j = int(x[p]), int(y[p])
-                    _basis(k, x[p] - i, wx, dx)
-                    _basis(k, y[p] - j, wy, dy)
-                    for a in range(k):
-                        first = (i + a) * width + j
-                        mx, my = mass[p] * vx[p] * wx[a], mass[p] * vy[p] * wx[a]
-                        for b in range(k):
-                            px[first + b] += mx * wy[b]
-                            py[first + b] += my * wy[b]
+                    wx, wy = _splines(k, x[p] - i)[0], _splines(k, y[p] - j)[0]
+                    add_products(k, px, i * width + j, width, ((mass[p] * vx[p], wx, wy),))
+                    add_products(k, py, i * width + j, width, ((mass[p] * vy[p], wx, wy),))
 
     return momentum_to_grid
 
 
-def _velocities(k):
-    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
-    def velocities(strips, x, y, vx, vy, grid_vx, grid_vy, grid_dx, grid_dy, width, flip, moved_x, moved_y, fastest):
-        """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45).
+# compiled for itself, without liberties: in whichever loop, the same strain gives the same bits
+@njit
+def _elastic_stress(exx, eyy, gxy, lam, mu):
+    pressure = lam * (exx + eyy)
+    return pressure + 2.0 * mu * exx, pressure + 2.0 * mu * eyy, mu * gxy
 
-        ``grid_dx, grid_dy`` are the changes of the nodes' velocities in the step.
+
+def _to_points(k):
+    @njit(cache=True, parallel=True, fastmath=ROUNDED)
+    def to_points(
+        strips, x, y, vx, vy, grid_vx, grid_vy, grid_dx, grid_dy, width, factor, flip, corotational, affine,
+        with_velocities, with_strains, with_stresses, lam, mu,
+        exx, eyy, gxy, sxx, syy, sxy, cxx, cxy, cyx, cyy, moved_x, moved_y, fastest,
+    ):  # fmt: skip
+        """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45); strains and places.
+
+        Stresses are those of a body that cannot break.
+        ``grid_dx, grid_dy`` are the changes of the nodes' velocities in the step; ``factor`` is the step over the
+        spacing. Where ``affine`` is positive, it is one over the spacing and the velocity gradients c are kept.
         """
         for strip in prange(len(strips) - 1):
-            wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
             largest = 0.0
-            for p in range(strips[strip], strips[strip + 1]):
+            for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                 i, j = int(x[p]), int(y[p])
-                _basis(k, x[p] - i, wx, dx)
-                _basis(k, y[p] - j, wy, dy)
-                ux = uy = cx = cy = 0.0
-                for a in range(k):
-                    first = (i + a) * width + j
-                    for b in range(k):
-                        w = wx[a] * wy[b]
-                        ux += w * grid_vx[first + b]
-                        uy += w * grid_vy[first + b]
-                        cx += w * grid_dx[first + b]
-                        cy += w * grid_dy[first + b]
-                vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
-                vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
-                moved_x[p], moved_y[p] = ux, uy
-                largest = max(largest, ux * ux + uy * uy)
-                if not largest >= ux * ux + uy * uy:
-                    largest = np.inf
+                (wx, dx), (wy, dy) = _splines(k, x[p] - i), _splines(k, y[p] - j)
+                first = i * width + j
+                # all sums before anything is stored, so that what they share is computed once
+                ux = sum_products(k, grid_vx, first, width, wx, wy)
+                uy = sum_products(k, grid_vy, first, width, wx, wy)
+                cx = sum_products(k, grid_dx, first, width, wx, wy)
+                cy = sum_products(k, grid_dy, first, width, wx, wy)
+                l00 = sum_products(k, grid_vx, first, width, dx, wy)
+                l01 = sum_products(k, grid_vx, first, width, wx, dy)
+                l10 = sum_products(k, grid_vy, first, width, dx, wy)
+                l11 = sum_products(k, grid_vy, first, width, wx, dy)
+                if with_velocities:
+                    vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
+                    vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
+                    moved_x[p], moved_y[p] = ux, uy
+                    largest = max(largest, ux * ux + uy * uy)
+                    if not largest >= ux * ux + uy * uy:
+                        largest = np.inf
+                if with_strains:
+                    xx, yy, xy = turned_strain(
+                        exx[p], eyy[p], gxy[p], factor * l00, factor * l01, factor * l10, factor * l11, corotational
+                    )
+                    exx[p], eyy[p], gxy[p] = xx, yy, xy
+                    if with_stresses:
+                        sxx[p], syy[p], sxy[p] = _elastic_stress(xx, yy, xy, lam, mu)
+                    if affine > 0.0:
+                        cxx[p], cxy[p], cyx[p], cyy[p] = affine * l00, affine * l01, affine * l10, affine * l11
+                    x[p] += factor * moved_x[p]
+                    y[p] += factor * moved_y[p]
             fastest[strip] = largest
 
-    return velocities
-
-
-def _strains(k):
-    @njit(cache=True, parallel=True, fastmath={"contract", "nsz", "arcp"})
-    def strains(
-        strips, x, y, grid_vx, grid_vy, width, factor, corotational, affine,
-        exx, eyy, gxy, cxx, cxy, cyx, cyy, moved_x, moved_y,
-    ):  # fmt: skip
-        """Strains of the points after the step and their new places; ``factor`` is the step over the spacing.
-
-        Where ``affine`` is positive, it is one over the spacing and the velocity gradients c are kept.
-        """
-        for strip in prange(len(strips) - 1):
-            wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-            for p in range(strips[strip], strips[strip + 1]):
-                i, j = int(x[p]), int(y[p])
-                _basis(k, x[p] - i, wx, dx)
-                _basis(k, y[p] - j, wy, dy)
-                l00 = l01 = l10 = l11 = 0.0
-                for a in range(k):
-                    first = (i + a) * width + j
-                    for b in range(k):
-                        gx, gy = dx[a] * wy[b], wx[a] * dy[b]
-                        l00 += gx * grid_vx[first + b]
-                        l01 += gy * grid_vx[first + b]
-                        l10 += gx * grid_vy[first + b]
-                        l11 += gy * grid_vy[first + b]
-                exx[p], eyy[p], gxy[p] = turned_strain(
-                    exx[p], eyy[p], gxy[p], factor * l00, factor * l01, factor * l10, factor * l11, corotational
-                )
-                if affine > 0.0:
-                    cxx[p], cxy[p], cyx[p], cyy[p] = affine * l00, affine * l01, affine * l10, affine * l11
-                x[p] += factor * moved_x[p]
-                y[p] += factor * moved_y[p]
-
-    return strains
+    return to_points
 
 
 def _mass_slopes(k):
@@ -250,18 +233,13 @@ def _mass_slopes(k):
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
-                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-                for p in range(strips[strip], strips[strip + 1]):
+                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                     i, j = int(x[p]), int(y[p])
                     if not cell_touches[i * width + j]:
                         continue
-                    _basis(k, x[p] - i, wx, dx)
-                    _basis(k, y[p] - j, wy, dy)
-                    for a in range(k):
-                        first = (i + a) * width + j
-                        for b in range(k):
-                            slope_x[first + b] += mass[p] * dx[a] * wy[b]
-                            slope_y[first + b] += mass[p] * wx[a] * dy[b]
+                    (wx, dx), (wy, dy) = _splines(k, x[p] - i), _splines(k, y[p] - j)
+                    add_products(k, slope_x, i * width + j, width, ((mass[p], dx, wy),))
+                    add_products(k, slope_y, i * width + j, width, ((mass[p], wx, dy),))
 
     return mass_slopes
 
@@ -316,8 +294,7 @@ _MAKERS = (
     _to_grid,
     _affine_to_grid,
     _momentum_to_grid,
-    _velocities,
-    _strains,
+    _to_points,
     _mass_slopes,
     _reaches,
     _spread,
@@ -338,10 +315,7 @@ def kernels(order: int) -> SimpleNamespace:
 def elastic_stresses(exx, eyy, gxy, lam, mu, sxx, syy, sxy):
     """Stresses of a body that cannot break."""
     for p in prange(len(exx)):
-        pressure = lam * (exx[p] + eyy[p])
-        sxx[p] = pressure + 2.0 * mu * exx[p]
-        syy[p] = pressure + 2.0 * mu * eyy[p]
-        sxy[p] = mu * gxy[p]
+        sxx[p], syy[p], sxy[p] = _elastic_stress(exx[p], eyy[p], gxy[p], lam, mu)
 
 
 @njit(cache=True, parallel=True)

@@ -244,20 +244,40 @@ class MovingBody:
             grid.vx[:], grid.vy[:] = self.rigid_velocity
 
     def update_points(self, step: float) -> None:
-        """Velocities of the points, strains by the order of update, and their new places."""
-        grid, points, dynamics = self.grid, self.points, self._dynamics
-        assert dynamics is not None
+        """Velocities of the points; a rigid body's new places."""
+        points = self.points
         if self.rigid:
             points.x += step / self.h * self.rigid_velocity[0]
             points.y += step / self.h * self.rigid_velocity[1]
             self.wandered += step / self.h * float(np.abs(self.rigid_velocity).max())
             return
-        self.kernels.velocities(
+        self._to_points(step, with_velocities=True, with_strains=False)
+
+    def update_all(self, step: float) -> None:
+        """`update_points` and `update_stresses` in one pass, for strains from the same velocities of the nodes (USL)."""
+        if self.rigid:
+            self.update_points(step)
+            return
+        self._to_points(step, with_velocities=True, with_strains=True)
+
+    def _to_points(self, step: float, with_velocities: bool, with_strains: bool) -> None:
+        grid, points, dynamics = self.grid, self.points, self._dynamics
+        assert dynamics is not None
+        self.kernels.to_points(
             self.strips, points.x, points.y, points.vx, points.vy, grid.vx, grid.vy, grid.vx - grid.old_x,
-            grid.vy - grid.old_y, self.width, dynamics.flip, points.moved_x, points.moved_y, self.fastest,
+            grid.vy - grid.old_y, self.width, step / self.h, dynamics.flip, dynamics.rotation == "corotational",
+            (dynamics.affine or self._has_axes) / self.h, with_velocities, with_strains,
+            not self.breakable, self.lam, self.mu, points.exx, points.eyy, points.gxy,
+            points.sxx, points.syy, points.sxy, points.cxx, points.cxy, points.cyx, points.cyy,
+            points.moved_x, points.moved_y, self.fastest,
         )  # fmt: skip
-        self.largest_speed = float(np.sqrt(self.fastest.max()))
-        self.wandered += step / self.h * self.largest_speed
+        if with_velocities:
+            self.largest_speed = float(np.sqrt(self.fastest.max()))
+            self.wandered += step / self.h * self.largest_speed
+        if with_strains:
+            self._turn_axes(step)
+        if with_strains and self.breakable:
+            self.evaluate_stresses()
 
     def map_momentum_again(self) -> None:
         """Velocities of the nodes from those of the points after the step (MUSL)."""
@@ -274,19 +294,15 @@ class MovingBody:
         """Strains from the nodes' velocities, new places, and stresses."""
         if self.rigid:
             return
-        points, dynamics = self.points, self._dynamics
-        assert dynamics is not None
-        self.kernels.strains(
-            self.strips, points.x, points.y, self.grid.vx, self.grid.vy, self.width, step / self.h,
-            dynamics.rotation == "corotational", (dynamics.affine or self._has_axes) / self.h,
-            points.exx, points.eyy, points.gxy, points.cxx, points.cxy, points.cyx, points.cyy,
-            points.moved_x, points.moved_y,
-        )  # fmt: skip
+        self._to_points(step, with_velocities=False, with_strains=True)
+
+    def _turn_axes(self, step: float) -> None:
+        """How far the material has turned and strayed, where its fracture energy has a direction."""
+        points = self.points
         if self._has_axes:
             points.turn += 0.5 * step * (points.cyx - points.cxy)
             points.stray_x += step / self.h * points.moved_x
             points.stray_y += step / self.h * points.moved_y
-        self.evaluate_stresses()
 
     def evaluate_stresses(self) -> None:
         """Stresses, and energy densities where the body can break, from the strains and the phase field."""
