@@ -182,9 +182,9 @@ def _to_points(k):
         with_velocities, with_strains, with_stresses, lam, mu,
         exx, eyy, gxy, sxx, syy, sxy, cxx, cxy, cyx, cyy, moved_x, moved_y, fastest,
     ):  # fmt: skip
-        """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45); strains and places.
+        """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45); strains and places;
+        stresses where the body cannot break.
 
-        Stresses are those of a body that cannot break.
         ``grid_dx, grid_dy`` are the changes of the nodes' velocities in the step; ``factor`` is the step over the
         spacing. Where ``affine`` is positive, it is one over the spacing and the velocity gradients c are kept.
         """
