@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -120,6 +121,17 @@ class Load(Table):
         return self
 
 
+class RefinedBox(Box):
+    """A box, or a line or point, with a spacing of its own, such as a support or a loaded edge.
+
+    Attributes
+    ----------
+    h : spacing in the box, from which it grows as from the fine box [length]
+    """
+
+    h: Annotated[Length, Field(gt=0)]
+
+
 class Mesh(Table):
     """Resolution of both discretisations.
 
@@ -129,6 +141,7 @@ class Mesh(Table):
     coarse : largest spacing outside the fine box [length]; None for no limit
     growth : largest ratio of neighbouring spacings outside the fine box
     fine : the fine box
+    refine : further boxes with spacings of their own, where the body's stiffness is decided rather than the crack's way
     follow_crack : enlarge the fine box, and redo the increment, where the crack has gone out of it
     element : shape of the finite elements
     geometry : on which the finite elements measure strain: as meshed, or as they have moved after each increment
@@ -139,6 +152,7 @@ class Mesh(Table):
     coarse: Annotated[Length, Field(gt=0)] | None = None
     growth: Annotated[Number, Field(gt=1, le=10)] = 1.3
     fine: Box | None = None
+    refine: tuple[RefinedBox, ...] = ()
     follow_crack: Switch = False
     element: Literal["quad", "triangle"] = "quad"
     geometry: Literal["initial", "updated"] = "initial"
@@ -149,6 +163,12 @@ class Mesh(Table):
         if self.coarse is not None and self.fine is None:
             remedy = "add mesh.fine or remove it"
             raise BrokenRuleError("has no effect without a fine box", remedy, "coarse", self.coarse)
+        if self.refine and self.fine is None:
+            raise BrokenRuleError("has no effect without a fine box", "add mesh.fine or remove it", "refine")
+        for number, box in enumerate(self.refine):
+            if not self.h <= box.h <= (self.coarse or math.inf):
+                remedy = f"give h = {self.h:g} to coarse = {self.coarse:g}" if self.coarse else f"give {self.h:g} or more"
+                raise BrokenRuleError("is not between h and coarse", remedy, f"refine[{number}].h", box.h)
         if self.follow_crack and (self.fine is None or self.geometry == "updated"):
             remedy = 'add mesh.fine, and leave mesh.geometry at "initial"'
             raise BrokenRuleError("has no fine box to enlarge on a geometry that stays", remedy, "follow_crack", True)

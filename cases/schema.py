@@ -345,6 +345,9 @@ class CaseDescription(Table):
         lower, upper = self.bounding_box()
         if self.mesh.fine is not None:
             remedy = f"place it inside {lower.tolist()} to {upper.tolist()}"
+            for number, box in enumerate(self.mesh.refine):
+                if np.any(np.asarray(box.upper) < lower) or np.any(np.asarray(box.lower) > upper):
+                    raise BrokenRuleError("lies outside the bodies", remedy, f"mesh.refine[{number}]")
             lower, upper = np.maximum(lower, self.mesh.fine.lower), np.minimum(upper, self.mesh.fine.upper)
             if np.any(lower >= upper):
                 raise BrokenRuleError("lies outside the bodies", remedy, "mesh.fine")

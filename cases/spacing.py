@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cases.notches import CellsNotch, HistoryNotch, Notch
 from cases.schema import Case
@@ -23,11 +23,11 @@ SAME_LINE = 1e-3
 def grid_lines(case: Case) -> tuple[Array, Array]:
     """Coordinates of the lines of a tensor-product grid over the bounding box of all bodies.
 
-    The spacing is h inside the fine box (everywhere without one). Outside, neighbouring spacings grow by
-    `mesh.growth` up to `mesh.coarse`. The bounding box, the fine box, the straight axis-parallel edges of the
-    bodies, boundary points, boundary boxes that are at least h wide, tips of notches, slits along an axis and the
-    outlines of cells-notches along an axis are lines; between two of them the spacings shrink a little to fit, and
-    never exceed 1.001 h in the fine box.
+    The spacing is h inside the fine box (everywhere without one) and what they want in the boxes of `mesh.refine`.
+    Outside, neighbouring spacings grow by `mesh.growth` up to `mesh.coarse`. The bounding box, the fine box, the
+    straight axis-parallel edges of the bodies, boundary points, boundary boxes that are at least h wide, tips of
+    notches, slits along an axis and the outlines of cells-notches along an axis are lines; between two of them the
+    spacings shrink a little to fit, and never exceed 1.001 h in the fine box.
 
     Returns
     -------
@@ -41,7 +41,8 @@ def _lines_along(case: Case, axis: int) -> Array:
     fine = _fine_interval(case, axis, lower, upper)
     wanted = [lower, upper, *_feature_lines(case, axis), *fine]
     fixed = _merge_near(wanted, case.mesh.h * SAME_LINE, lower, upper)
-    pieces = [_subdivide(case, a, b, fine) for a, b in pairwise(fixed)]
+    spacing = _Spacing.along(case, axis, fine, lower, upper)
+    pieces = [spacing.subdivided(a, b) for a, b in pairwise(fixed)]
     return np.array([*(x for piece in pieces for x in piece[:-1]), fixed[-1]])
 
 
@@ -81,46 +82,72 @@ def _merge_near(lines: list[float], tolerance: float, lower: float, upper: float
     return sorted(kept)
 
 
-def _subdivide(case: Case, a: float, b: float, fine: tuple[float, float]) -> Array:
-    """Lines from a to b, both included: equal steps of the number of cells passed since a."""
-    middle = (a + b) / 2
-    if fine[0] <= middle <= fine[1]:
-        return np.linspace(a, b, _cells((b - a) / case.mesh.h) + 1)
-    outwards = middle > fine[1]
-    edge = fine[1] if outwards else fine[0]
-    passed, place = _grading(case)
-    near, far = sorted((passed(abs(a - edge)), passed(abs(b - edge))))
-    distances = np.array([place(n) for n in np.linspace(near, far, _cells(far - near) + 1)])
-    lines = edge + distances if outwards else (edge - distances)[::-1]
-    lines[0], lines[-1] = a, b
-    return lines
-
-
 def _cells(number: float) -> int:
     return max(1, math.ceil(number / (1 + STRETCH)))
 
 
-def _grading(case: Case) -> tuple[Callable[[float], float], Callable[[float], float]]:
-    """Cells passed up to a distance d from the fine box, and the distance at a number of cells passed.
+@dataclass(frozen=True)
+class _Spacing:
+    """Wanted spacing along an axis, linear between knots (n,), and the cells passed up to each of them.
 
-    With the spacing s(d) = min(h + d ln(growth), coarse), successive cells, over each of which the integral
-    of 1/s is one, have spacings in the ratio `growth` until `coarse` is reached.
+    From a box the spacing grows as h + d ln(growth) with the distance d, so that successive cells, over each of which
+    the integral of 1 / spacing is one, have sizes in the ratio `growth`; the smallest spacing that a box wants counts.
     """
-    h, rate = case.mesh.h, math.log(case.mesh.growth)
-    coarse = case.mesh.coarse or math.inf
-    cells_graded = math.log(coarse / h) / rate
-    reach = (coarse - h) / rate
 
-    def passed(distance: float) -> float:
-        """Cells up to a distance."""
-        if distance <= reach:
-            return math.log1p(rate * distance / h) / rate
-        return cells_graded + (distance - reach) / coarse
+    knots: Array
+    sizes: Array
+    passed: Array
 
-    def place(cells: float) -> float:
-        """Distance at a number of cells."""
-        if cells <= cells_graded:
-            return h * math.expm1(rate * cells) / rate
-        return reach + (cells - cells_graded) * coarse
+    @classmethod
+    def along(cls, case: Case, axis: int, fine: tuple[float, float], lower: float, upper: float) -> _Spacing:
+        """The spacing between the bounds of the bodies, from the fine box and the refined ones."""
+        mesh, rate = case.mesh, math.log(case.mesh.growth)
+        boxes = [(*fine, mesh.h), *((box.lower[axis], box.upper[axis], box.h) for box in mesh.refine)]
+        starts, ends, sizes = (np.array(column) for column in zip(*boxes, strict=True))
+        coarse = mesh.coarse or max(upper - lower, mesh.h)
 
-    return passed, place
+        def wanted(x: Array) -> Array:
+            """The spacing at places (n,)."""
+            away = np.maximum(0.0, np.maximum(starts - x[:, None], x[:, None] - ends))
+            return np.minimum(coarse, (sizes + rate * away).min(axis=1))
+
+        # where one box takes over from another, or from the coarse spacing
+        steps = np.array([(size - sizes) / rate for size in (*sizes, coarse)])
+        between = (ends[:, None] + starts + (sizes - sizes[:, None]) / rate) / 2
+        places = np.concatenate([x.ravel() for x in (starts, ends, starts - steps, ends + steps, between)])
+        knots = np.unique([lower, upper, *places[(places > lower) & (places < upper)]])
+        at_knots = wanted(knots)
+        return cls(knots, at_knots, np.cumsum([0.0, *_passed(np.diff(knots), at_knots[:-1], at_knots[1:])]))
+
+    def subdivided(self, a: float, b: float) -> Array:
+        """Lines from a to b, both included: equal steps of the number of cells passed."""
+        inside = (self.knots > a) & (self.knots < b)
+        sizes = np.interp([a, *self.knots[inside], b], self.knots, self.sizes)
+        first, last = self._cells_up_to(a), self._cells_up_to(b)
+        number = _cells(last - first)
+        if np.ptp(sizes) <= SAME_LINE * sizes.min():
+            return np.linspace(a, b, number + 1)
+        return np.array([a, *(self._place(n) for n in np.linspace(first, last, number + 1)[1:-1]), b])
+
+    def _cells_up_to(self, x: float) -> float:
+        k = self._piece(self.knots, x)
+        size = float(np.interp(x, self.knots, self.sizes))
+        return float(self.passed[k] + _passed(x - self.knots[k], self.sizes[k], size))
+
+    def _place(self, cells: float) -> float:
+        k = self._piece(self.passed, cells)
+        step, size = cells - self.passed[k], self.sizes[k]
+        rate = (self.sizes[k + 1] - size) / (self.knots[k + 1] - self.knots[k])
+        return float(self.knots[k] + size * (math.expm1(rate * step) / rate if rate else step))
+
+    @staticmethod
+    def _piece(bounds: Array, value: float) -> int:
+        return min(max(int(np.searchsorted(bounds, value, side="right")) - 1, 0), len(bounds) - 2)
+
+
+def _passed(distance: ArrayLike, first: ArrayLike, last: ArrayLike) -> Array:
+    """Cells over a distance along which the spacing goes linearly from first to last."""
+    ratio = np.subtract(last, first) / np.asarray(first)
+    # log(1 + r) / r, whose quotient is lost where r is small
+    share = np.where(np.abs(ratio) > 1e-8, np.log1p(ratio) / np.where(ratio == 0.0, 1.0, ratio), 1.0 - ratio / 2)
+    return np.asarray(distance) / np.asarray(first) * share

@@ -49,24 +49,44 @@ class Feature:
 
 
 @dataclass(frozen=True)
-class SizeField:
-    """Wanted length of edges [length]: h in the box, each next one outside larger by `growth` up to `coarse`.
+class SizedBox:
+    """A box with elements of a size, from which sizes grow; corners (2,), size [length]."""
 
-    lower, upper : (2,) corners of the fine box; both infinite when all is fine
+    lower: Floats
+    upper: Floats
+    size: float
+
+    def away(self, points: Floats) -> Floats:
+        """Distances (n,) of points (n, 2)."""
+        return np.linalg.norm(np.maximum(0.0, np.maximum(self.lower - points, points - self.upper)), axis=1)
+
+
+@dataclass(frozen=True)
+class SizeField:
+    """Wanted length of edges [length]: h in the fine box, each next one outside larger by `growth` up to `coarse`.
+
+    fine : None where all is fine
+    refined : boxes with sizes of their own, from which sizes below these grow in the same way
     features : places from which sizes below these grow in the same way
     """
 
     h: float
     coarse: float
     growth: float
-    lower: Floats
-    upper: Floats
+    fine: SizedBox | None = None
+    refined: tuple[SizedBox, ...] = ()
     features: tuple[Feature, ...] = ()
+
+    @property
+    def boxes(self) -> tuple[SizedBox, ...]:
+        """The fine box and the refined ones."""
+        return (self.fine, *self.refined) if self.fine else ()
 
     def __call__(self, points: Floats) -> Floats:
         """Wanted sizes (n,) at points (n, 2)."""
-        outside = np.maximum(0.0, np.maximum(self.lower - points, points - self.upper))
-        size = np.minimum(self.coarse, self.h + self.grading * np.linalg.norm(outside, axis=1))
+        size = np.full(len(points), self.coarse)
+        for box in self.boxes:
+            size = np.minimum(size, box.size + self.grading * box.away(points))
         for feature in self.features:
             away = np.abs(np.linalg.norm(points - feature.centre, axis=1) - feature.radius)
             size = np.minimum(size, feature.size + self.grading * away)
@@ -80,7 +100,7 @@ class SizeField:
     @property
     def is_uniform(self) -> bool:
         """One size everywhere."""
-        return self.coarse <= self.h or not np.isfinite([self.lower, self.upper]).any()
+        return self.coarse <= self.h or self.fine is None
 
 
 @dataclass(frozen=True)
@@ -279,16 +299,17 @@ def _filled(graph: Graph, size: SizeField) -> tuple[MeshArrays, Integers]:
 
 
 def _parameters(size: SizeField) -> netgen.MeshingParameters:
-    """Largest size, growth, and lines over the fine box along which the size is held to h."""
+    """Largest size, growth, and lines over the boxes along which their sizes are held."""
     parameters = netgen.MeshingParameters(maxh=ASKED * size.coarse, grading=size.grading)
     for feature in size.features:
         _restrict_around(feature, size, parameters)
     if size.is_uniform:
         return parameters
-    asked = ASKED * size.h
-    (left, bottom), (right, top) = size.lower - asked, size.upper + asked
-    for y in np.linspace(bottom, top, int(np.ceil((top - bottom) / asked)) + 1):
-        parameters.RestrictHLine(netgen.Pnt(left, y, 0.0), netgen.Pnt(right, y, 0.0), asked)
+    for box in size.boxes:
+        asked = ASKED * box.size
+        (left, bottom), (right, top) = box.lower - asked, box.upper + asked
+        for y in np.linspace(bottom, top, int(np.ceil((top - bottom) / asked)) + 1):
+            parameters.RestrictHLine(netgen.Pnt(left, y, 0.0), netgen.Pnt(right, y, 0.0), asked)
     return parameters
 
 

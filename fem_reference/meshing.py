@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from cases import Case
-from cases.geometry import Shape
+from cases.geometry import Box, Shape
 from cases.notches import CellsNotch, SlitNotch
 from fem_reference.mesh_arrays import (
     Integers,
@@ -27,6 +27,7 @@ from fem_reference.mesh_slits import Slit, split_slits
 from fem_reference.mesh_triangles import (
     SNAP,
     Feature,
+    SizedBox,
     SizeField,
     circles_of,
     notch_outline,
@@ -156,16 +157,18 @@ def _in_notch(notch: CellsNotch, points: NDArray[np.float64]) -> NDArray[np.bool
 
 
 def _size_field(case: Case) -> SizeField:
-    features = _features(case)
-    if case.mesh.fine is None:
-        everywhere = np.full(2, np.inf)
-        return SizeField(case.mesh.h, case.mesh.h, case.mesh.growth, -everywhere, everywhere, features)
-    # The box is cut to the bodies, because netgen is told the size along lines all over it.
+    mesh, features = case.mesh, _features(case)
+    if mesh.fine is None:
+        return SizeField(mesh.h, mesh.h, mesh.growth, features=features)
+    coarse = mesh.coarse or float(np.ptp(case.bounding_box(), axis=0).max())
+    refined = tuple(_sized(case, box, box.h) for box in mesh.refine)
+    return SizeField(mesh.h, coarse, mesh.growth, _sized(case, mesh.fine, mesh.h), refined, features)
+
+
+def _sized(case: Case, box: Box, size: float) -> SizedBox:
+    """The box cut to the bodies, because netgen is told the size along lines all over it."""
     lower, upper = case.bounding_box()
-    lower = np.maximum(lower, case.mesh.fine.lower)
-    upper = np.minimum(upper, case.mesh.fine.upper)
-    coarse = case.mesh.coarse or float(np.ptp(case.bounding_box(), axis=0).max())
-    return SizeField(case.mesh.h, coarse, case.mesh.growth, lower, upper, features)
+    return SizedBox(np.clip(box.lower, lower, upper), np.clip(box.upper, lower, upper), size)
 
 
 def _features(case: Case) -> tuple[Feature, ...]:

@@ -14,7 +14,7 @@ from cases import Case, CaseError, load_case
 from fem_reference.mesh_arrays import MeshArrays, corner_jacobians, edge_lengths, edge_table, signed_areas
 from fem_reference.mesh_quads import rectilinear
 from fem_reference.mesh_slits import Slit, cells_cut_by, split_slit
-from fem_reference.mesh_triangles import SizeField
+from fem_reference.mesh_triangles import SizedBox, SizeField
 from fem_reference.meshing import Mesh, MeshError, build_mesh, quality
 from fem_reference.quality import scaled_jacobian
 
@@ -364,7 +364,7 @@ def test_quads_grow_by_no_more_than_the_stated_factor(tmp_path: Path) -> None:
 def test_triangles_have_the_sizes_asked_for(tmp_path: Path) -> None:
     slit = notch("slit", (0, 0.5), (0.5, 0.5))
     mesh = build_mesh(write_case(tmp_path, UNIT_SQUARE, f'h = 0.02, {FINE_BOX}, element = "triangle"', slit))
-    size = SizeField(0.02, 0.1, 1.3, np.array([0.45, 0.0]), np.array([1.0, 0.55]))
+    size = SizeField(0.02, 0.1, 1.3, SizedBox(np.array([0.45, 0.0]), np.array([1.0, 0.55]), 0.02))
     relative = edge_lengths(mesh.arrays.points, mesh.arrays.cells) / size(mesh.arrays.centres())[:, None]
     in_box = size(mesh.arrays.centres()) == 0.02
     assert np.median(relative[in_box]) == pytest.approx(1.0, abs=0.1)
@@ -376,6 +376,19 @@ def test_triangles_have_the_sizes_asked_for(tmp_path: Path) -> None:
     ideal = (4 / np.sqrt(3) / size(np.column_stack([x.ravel(), y.ravel()])) ** 2).mean()
     assert len(mesh.body) == pytest.approx(ideal, rel=0.25)
     assert quality(mesh).smallest_angle > 20.0
+
+
+def test_refined_boxes_have_triangles_of_their_own_size(tmp_path: Path) -> None:
+    def sizes(more: str) -> tuple[np.ndarray, np.ndarray]:
+        """Longest edges about the held corner, and near the opposite one."""
+        mesh = build_mesh(write_case(tmp_path, UNIT_SQUARE, f'h = 0.01, {FINE_BOX}, element = "triangle"{more}'))
+        centres, edges = mesh.arrays.centres(), edge_lengths(mesh.arrays.points, mesh.arrays.cells).max(axis=1)
+        return edges[np.linalg.norm(centres, axis=1) < 0.1], edges[np.linalg.norm(centres - [0, 1], axis=1) < 0.1]
+
+    without, corner_without = sizes("")
+    refined, corner = sizes(", refine = [{ lower = [0, 0], upper = [0.1, 0], h = 0.02 }]")
+    assert np.median(refined) < 0.035 < 0.08 < np.median(without)
+    assert np.median(corner) == pytest.approx(np.median(corner_without), rel=0.2)
 
 
 def test_points_of_support_and_ends_of_loaded_patches_are_nodes(tmp_path: Path) -> None:

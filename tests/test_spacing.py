@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cases import Case, case_from_tables
+from cases import Case, CaseError, case_from_tables
 from cases.spacing import grid_lines
 
 UNIT_SQUARE = {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}
@@ -107,6 +107,32 @@ def test_lines_that_nearly_coincide_are_one() -> None:
     assert has_line(y, 0.5 + 1e-9) and np.diff(y).min() > 0.01
 
 
+def test_a_refined_box_has_its_own_spacing_and_cells_grow_from_both_boxes() -> None:
+    fine = {"lower": [0, 0.8], "upper": [1, 1]}
+    mesh = {"h": 0.01, "coarse": 0.1, "growth": 1.2, "fine": fine}
+    refine = {"lower": [0.2, 0], "upper": [0.3, 0], "h": 0.02}
+    x, y = grid_lines(case_of({**mesh, "refine": [refine]}))
+    assert np.allclose(x, np.linspace(0, 1, 101))  # the fine box goes over the whole width
+    steps, ratios = np.diff(y), np.diff(y)[1:] / np.diff(y)[:-1]
+    assert 0.02 <= steps[0] < 0.02 * 1.2 and steps.max() <= 0.1 * 1.001
+    assert np.all(np.maximum(ratios, 1 / ratios) <= 1.2 * 1.05)
+    assert steps.argmax() not in (0, len(steps) - 1)
+    assert len(grid_lines(case_of(mesh))[1]) < len(y) < 1 / 0.02
+
+
+@pytest.mark.parametrize("h", [0.005, 0.2])
+def test_the_spacing_of_a_refined_box_is_between_the_two_others(h: float) -> None:
+    fine, box = {"lower": [0, 0.8], "upper": [1, 1]}, {"lower": [0.2, 0], "upper": [0.3, 0], "h": h}
+    with pytest.raises(CaseError, match=r"mesh.refine\[0\].h' = .* is not between h and coarse; give h = 0.01"):
+        case_of({"h": 0.01, "coarse": 0.1, "fine": fine, "refine": [box]})
+
+
+def test_a_refined_box_off_the_bodies_is_told() -> None:
+    fine, box = {"lower": [0, 0.8], "upper": [1, 1]}, {"lower": [2, 0], "upper": [3, 0], "h": 0.01}
+    with pytest.raises(CaseError, match=r"mesh.refine\[0\]'.* lies outside the bodies"):
+        case_of({"h": 0.01, "coarse": 0.1, "fine": fine, "refine": [box]})
+
+
 @settings(max_examples=150, deadline=None)
 @given(
     h=st.floats(0.01, 0.2),
@@ -115,19 +141,26 @@ def test_lines_that_nearly_coincide_are_one() -> None:
     ends=st.lists(st.floats(-0.2, 1.2), min_size=2, max_size=2, unique=True).map(sorted),
     level=st.floats(0, 1),
     tip=st.floats(0.05, 1),
+    place=st.floats(0, 1),
+    share=st.floats(0, 1),
 )
 def test_any_grid_is_ascending_fine_in_the_box_and_within_its_limits(
-    h: float, ratio: float, growth: float, ends: list[float], level: float, tip: float
+    h: float, ratio: float, growth: float, ends: list[float], level: float, tip: float, place: float, share: float
 ) -> None:
     lower, upper = max(ends[0], 0.0), min(ends[1], 1.0)
     assume(upper - lower > 1e-3)
     fine = {"lower": [ends[0], -1], "upper": [ends[1], 2]}
     slit = {"kind": "slit", "start": [0, level], "end": [tip, level]}
-    x, y = grid_lines(case_of({"h": h, "coarse": h * ratio, "growth": growth, "fine": fine}, (slit,)))
+    refine = {"lower": [place, place], "upper": [place, 1], "h": h * ratio**share}
+    mesh = {"h": h, "coarse": h * ratio, "growth": growth, "fine": fine, "refine": [refine]}
+    x, y = grid_lines(case_of(mesh, (slit,)))
     for lines in (x, y):
         steps = np.diff(lines)
         assert lines[0] == 0 and lines[-1] == 1 and np.all(steps > 0)
         assert steps.max() <= h * ratio * 1.001 + 1e-12
     in_box = (x[:-1] < upper - 2e-3 * h) & (x[1:] > lower + 2e-3 * h)
     assert np.diff(x)[in_box].max() <= h * 1.001 + 1e-12
+    # the cell about the refined place: no larger than the spacing wanted at its far end
+    at = min(np.searchsorted(x, place, side="right"), len(x) - 1) - 1
+    assert x[at + 1] - x[at] <= h * ratio**share * growth * 1.002 + 1e-12
     assert np.min(np.abs(x - tip)) <= 1e-3 * h and np.min(np.abs(y - level)) <= 1e-3 * h

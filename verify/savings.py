@@ -47,7 +47,8 @@ def _graded_grid(case: Case) -> Saving:
         return Saving(name, False, f"the spacing is {mesh.h:g} throughout")
     uniform = int(np.prod(np.ceil((upper - lower) / mesh.h - 1e-9)))
     box = {"lower": lower.tolist(), "upper": upper.tolist()}
-    reason = f"cells are fine only in mesh.fine; h = {mesh.h:g} throughout would be up to {uniform} cells"
+    where = "mesh.fine and mesh.refine" if mesh.refine else "mesh.fine"
+    reason = f"cells are fine only in {where}; h = {mesh.h:g} throughout would be up to {uniform} cells"
     reason += "; it grows where the crack leaves it" if mesh.follow_crack else ""
     return Saving(name, True, reason, {"mesh": {"fine": box, "follow_crack": False}})
 
