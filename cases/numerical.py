@@ -166,9 +166,9 @@ class Mesh(Table):
         if self.refine and self.fine is None:
             raise BrokenRuleError("has no effect without a fine box", "add mesh.fine or remove it", "refine")
         for number, box in enumerate(self.refine):
-            if not self.h <= box.h <= (self.coarse or math.inf):
-                remedy = f"give h = {self.h:g} to coarse = {self.coarse:g}" if self.coarse else f"give {self.h:g} or more"
-                raise BrokenRuleError("is not between h and coarse", remedy, f"refine[{number}].h", box.h)
+            if box.h > (self.coarse or math.inf):
+                remedy = f"make it less than coarse = {self.coarse:g}, or remove the box"
+                raise BrokenRuleError("is above coarse, so it refines nothing", remedy, f"refine[{number}].h", box.h)
         if self.follow_crack and (self.fine is None or self.geometry == "updated"):
             remedy = 'add mesh.fine, and leave mesh.geometry at "initial"'
             raise BrokenRuleError("has no fine box to enlarge on a geometry that stays", remedy, "follow_crack", True)

@@ -50,7 +50,7 @@ def _graded_grid(case: Case) -> Saving:
     where = "mesh.fine and mesh.refine" if mesh.refine else "mesh.fine"
     reason = f"cells are fine only in {where}; h = {mesh.h:g} throughout would be up to {uniform} cells"
     reason += "; it grows where the crack leaves it" if mesh.follow_crack else ""
-    return Saving(name, True, reason, {"mesh": {"fine": box, "follow_crack": False}})
+    return Saving(name, True, reason, {"mesh": {"fine": box, "refine": [], "follow_crack": False}})
 
 
 def _adaptive_increments(case: Case) -> Saving:
