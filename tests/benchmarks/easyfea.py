@@ -93,7 +93,7 @@ def iterations_in_turn(asked: argparse.Namespace) -> "pd.DataFrame":
 
 
 def same_answer(asked: argparse.Namespace) -> "pd.DataFrame":
-    """Seconds until the load first falls: EasyFEA's converged staggering on uniform quads, and the reference as planned."""
+    """Seconds until the load falls: EasyFEA's converged staggering on uniform quads, the reference as planned."""
     elements = FiniteElements(uniform(asked))
     simulation, _ = peer(elements)
     y, forces, iterations = elements.nodes[:, 1], [0.0], 0
