@@ -144,7 +144,7 @@ def sides_of(case: Case, boundary: str, samples: tuple[np.ndarray, np.ndarray]) 
     sides = []
     for direction in np.unique(directions[on_set]):
         found = on_set & (directions == direction)
-        if found.sum() < 0.04 * on_set.sum():
+        if found.sum() < 0.06 * on_set.sum():
             continue  # the corner samples of a neighbouring edge
         normal = np.round([np.cos(direction * np.pi / 2), np.sin(direction * np.pi / 2)])
         order = np.argsort(places[found] @ np.array([-normal[1], normal[0]]))
@@ -169,7 +169,7 @@ def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: flo
     constraints = conditions(case, boundary)
     _draw_place(axes, case.boundaries[boundary])
     words = ", ".join(condition_in_words(constraint, mathematics=True) for constraint in constraints)
-    for side in sides_of(case, boundary, samples):
+    for side in _area(case, boundary) or sides_of(case, boundary, samples):
         depth = _draw_symbols(axes, side, constraints, size)
         place = side.middle + side.normal * (depth + 0.3) * size
         upright = abs(side.normal[0]) > 0.5
@@ -180,6 +180,15 @@ def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: flo
         axes.text(
             *place, f"{boundary}: {words}", rotation=90 if upright else 0, fontsize=8.5, zorder=6, **anchor
         )
+
+
+def _area(case: Case, boundary: str) -> list[Side]:
+    """Return the top of a box with a prescribed phase field alone: it holds in the box, not on the outline there."""
+    box = case.boundaries[boundary].box
+    if box is None or box.is_flat or any(c.direction != "phase" for c in conditions(case, boundary)):
+        return []
+    top = np.array([(box.lower[0] + box.upper[0]) / 2, box.upper[1]])
+    return [Side(top[None, :], np.array([0.0, 1.0]))]
 
 
 def _draw_place(axes: Axes, chosen: Any) -> None:
