@@ -273,11 +273,14 @@ class ExplicitMaterialPoints:
             [np.column_stack([np.floor(b.points.x), np.floor(b.points.y)]).astype(int) + b.corner for b in self.bodies]
         )
         phase_field = np.concatenate([body.points.c for body in self.bodies])
-        unique, member = np.unique(cells, axis=0, return_inverse=True)
-        count = np.bincount(member.ravel())
-        mean = np.bincount(member.ravel(), weights=phase_field) / count
+        lower, upper = cells.min(axis=0), cells.max(axis=0)
+        number = np.ravel_multi_index((cells - lower).T, upper - lower + 1)
+        count = np.bincount(number)
+        occupied = np.flatnonzero(count)
+        mean = np.bincount(number, weights=phase_field)[occupied] / count[occupied]
+        first = np.column_stack(np.unravel_index(occupied, upper - lower + 1)) + lower
         steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        corners = (unique[:, None, :] + steps).reshape(-1, 2)
+        corners = (first[:, None, :] + steps).reshape(-1, 2)
         return (
             self.bodies[0].origin + self.case.mesh.h * corners,
             np.arange(len(corners)).reshape(-1, 4),
