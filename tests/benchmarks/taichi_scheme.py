@@ -22,6 +22,14 @@ def slopes(xi):
     return ti.Vector([xi - 1.0, 1.0 - 2.0 * xi, xi])
 
 
+@ti.func
+def basis(x):
+    """First node of the cell around a place, and the splines and their slopes along both axes."""
+    corner = ti.cast(x, ti.i32)
+    xi = x - corner
+    return corner, values(xi[0]), values(xi[1]), slopes(xi[0]), slopes(xi[1])
+
+
 @ti.data_oriented
 class TaichiBody:
     """Points and nodes of a body as fields of Taichi.
@@ -88,9 +96,7 @@ class TaichiBody:
     @ti.kernel
     def to_grid(self):
         for p in self.x:
-            corner = ti.cast(self.x[p], ti.i32)
-            xi = self.x[p] - corner
-            wx, wy, dx, dy = values(xi[0]), values(xi[1]), slopes(xi[0]), slopes(xi[1])
+            corner, wx, wy, dx, dy = basis(self.x[p])
             s = self.stress[p] * (self.volume[p] / self.h)
             for a, b in ti.static(ti.ndrange(3, 3)):
                 node = corner + ti.Vector([a, b])
@@ -105,9 +111,7 @@ class TaichiBody:
         for half in range((self.n_strips + 1 - colour) // 2):
             strip = 2 * half + colour
             for p in range(self.strips[strip], self.strips[strip + 1]):
-                corner = ti.cast(self.x[p], ti.i32)
-                xi = self.x[p] - corner
-                wx, wy, dx, dy = values(xi[0]), values(xi[1]), slopes(xi[0]), slopes(xi[1])
+                corner, wx, wy, dx, dy = basis(self.x[p])
                 s = self.stress[p] * (self.volume[p] / self.h)
                 for a, b in ti.static(ti.ndrange(3, 3)):
                     node = corner + ti.Vector([a, b])
@@ -129,9 +133,7 @@ class TaichiBody:
     @ti.kernel
     def to_points(self, size: ti.f64):
         for p in self.x:
-            corner = ti.cast(self.x[p], ti.i32)
-            xi = self.x[p] - corner
-            wx, wy, dx, dy = values(xi[0]), values(xi[1]), slopes(xi[0]), slopes(xi[1])
+            corner, wx, wy, dx, dy = basis(self.x[p])
             u, change = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
             along_x, along_y = ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0])
             for a, b in ti.static(ti.ndrange(3, 3)):
