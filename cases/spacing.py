@@ -23,7 +23,7 @@ SAME_LINE = 1e-3
 def grid_lines(case: Case) -> tuple[Array, Array]:
     """Coordinates of the lines of a tensor-product grid over the bounding box of all bodies.
 
-    The spacing is h inside the fine box (everywhere without one) and what they want in the boxes of `mesh.refine`.
+    The spacing is h inside the fine box (everywhere without one) and that of each box of `mesh.refine` inside it.
     Outside, neighbouring spacings grow by `mesh.growth` up to `mesh.coarse`. The bounding box, the fine box, the
     straight axis-parallel edges of the bodies, boundary points, boundary boxes that are at least h wide, tips of
     notches, slits along an axis and the outlines of cells-notches along an axis are lines; between two of them the

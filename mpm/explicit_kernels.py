@@ -168,8 +168,8 @@ def _momentum_to_grid(k):
     return momentum_to_grid
 
 
-# compiled for itself, without liberties: in whichever loop, the same strain gives the same bits
-@njit
+# without liberties, which it would else take over from the loop that compiles it first: the same strain, the same bits
+@njit(fastmath=False)
 def _elastic_stress(exx, eyy, gxy, lam, mu):
     pressure = lam * (exx + eyy)
     return pressure + 2.0 * mu * exx, pressure + 2.0 * mu * eyy, mu * gxy
