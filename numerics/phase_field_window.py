@@ -130,28 +130,31 @@ def _solve_rows(neighbours, values, diagonal, right_side, pull, allowed, solutio
     n = solution.size
     direction, product = np.zeros(n + 1), np.empty(n)
     residual, scale = right_side.copy(), np.empty(n)
-    old = 0.0
+    old, done = 0.0, True
     for i in range(n):
         # what hardly any point sees, a node or a combination of them, would grow without bound
         values[i, diagonal[i]] += pull + PULL_OF_DIAGONAL * values[i, diagonal[i]]
         scale[i] = 1.0 / values[i, diagonal[i]]
         direction[i] = residual[i] * scale[i]
         old += residual[i] * direction[i]
+        done = done and abs(residual[i]) <= allowed[i]
     for iteration in range(10 * n + 10):
-        done = True
-        for i in range(n):
-            done = done and abs(residual[i]) <= allowed[i]
         if done:
             return iteration
         row_products(neighbours, values, direction, product)
-        step = old / np.dot(direction[:n], product)
+        # a sum of the linear algebra's library would depend on its number of threads
+        curvature = 0.0
+        for i in range(n):
+            curvature += direction[i] * product[i]
+        step = old / curvature
         if not np.isfinite(step):
             return -1
-        new = 0.0
+        new, done = 0.0, True
         for i in range(n):
             solution[i] += step * direction[i]
             residual[i] -= step * product[i]
             new += residual[i] * residual[i] * scale[i]
+            done = done and abs(residual[i]) <= allowed[i]
         ratio = new / old
         for i in range(n):
             direction[i] = residual[i] * scale[i] + ratio * direction[i]
