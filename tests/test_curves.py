@@ -343,6 +343,26 @@ def test_metrics_of_two_runs():
     assert PAIR_METRICS["path_mean_distance_over_h"](run, reference) == pytest.approx(0.2)
 
 
+def with_two_cracks(lower):
+    """A run whose last state has cracks from (0, 0.6) to (0.4, 0.6) and from (0.6, lower) to (1, lower)."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 101), np.linspace(0, 1, 101)))
+    upper = np.hypot(x - np.clip(x, 0.0, 0.4), y - 0.6)
+    other = np.hypot(x - np.clip(x, 0.6, 1.0), y - lower)
+    data = {"reference": np.column_stack([x, y, 0 * x]), "phase_field": 1 - np.exp(-np.minimum(upper, other) / 0.02)}
+    run = run_of(curve(), h=0.02)
+    run.snapshots = lambda: [(0.5, 1, None), (1.0, 2, SimpleNamespace(point_data=data))]
+    return run
+
+
+def test_of_several_cracks_those_from_one_place_are_compared():
+    run, reference = with_two_cracks(lower=0.34), with_two_cracks(lower=0.3)
+    distance = PAIR_METRICS["path_mean_distance_over_h"]
+    assert distance(run, reference, start=[0.6, 0.32]) == pytest.approx(2.0, abs=0.1)
+    assert distance(run, reference, start=[0.0, 0.6]) == pytest.approx(0.0, abs=0.01)
+    with pytest.raises(MetricError, match="no crack that begins at"):
+        distance(run, reference, start=[0.5, 0.9])
+
+
 def test_metrics_refuse_what_they_cannot_give():
     intact = run_of(curve(), path=np.empty((0, 2)))
     assert METRICS["crack_length"](intact) == 0.0

@@ -250,10 +250,24 @@ def curve_max_error_until(run: RunData, reference: RunData | Curve, *, u_max: fl
 
 
 def _of_paths(function: Callable[[Array, Array], float], over_h: bool = False) -> Callable[..., float]:
-    def value(run: RunData, reference: RunData) -> float:
-        return function(_crack(run), _crack(reference)) / (run.case.mesh.h if over_h else 1.0)
+    """Of the main cracks, or of those that begin nearest to ``start`` [length], among several in one body."""
+
+    def value(run: RunData, reference: RunData, *, start: Sequence[float] | None = None) -> float:
+        one, two = (_crack(r) if start is None else _crack_from(r, start) for r in (run, reference))
+        return function(one, two) / (run.case.mesh.h if over_h else 1.0)
 
     return value
+
+
+def _crack_from(run: RunData, start: Sequence[float]) -> Array:
+    """Path of the crack that begins at a place (within four cells), in the last state."""
+    *_, (_, _, points) = run.snapshots()
+    data = points.point_data
+    reference = np.asarray(data["reference"])[:, :2]
+    path = paths.trace_crack(reference, np.asarray(data["phase_field"]), run.case.mesh.h, start=start).points
+    if len(path) < 2 or not np.allclose(path[0], start):
+        raise MetricError(f"run {run.info.get('run', '')}: has no crack that begins at {list(start)}; load it further")
+    return path
 
 
 def crack_turn(run: RunData, reference: RunData, *, by: float) -> float:
