@@ -357,7 +357,7 @@ def with_two_cracks(lower):
 def test_of_several_cracks_those_from_one_place_are_compared():
     run, reference = with_two_cracks(lower=0.34), with_two_cracks(lower=0.3)
     distance = PAIR_METRICS["path_mean_distance_over_h"]
-    assert distance(run, reference, start=[0.6, 0.32]) == pytest.approx(2.0, abs=0.1)
+    assert distance(run, reference, start=[0.6, 0.32]) == pytest.approx(2.0, abs=0.2)
     assert distance(run, reference, start=[0.0, 0.6]) == pytest.approx(0.0, abs=0.01)
     with pytest.raises(MetricError, match="no crack that begins at"):
         distance(run, reference, start=[0.5, 0.9])

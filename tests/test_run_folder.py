@@ -316,6 +316,7 @@ def _stop_at(step: int):
 @pytest.fixture
 def save_always(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(RunWriter, "checkpoint_interval", -1.0)
+    monkeypatch.setattr(RunWriter, "largest_share", float("inf"))
 
 
 @pytest.mark.usefixtures("save_always")
@@ -334,6 +335,17 @@ def test_a_stopped_run_goes_on_from_its_checkpoint(case_file: Path, tmp_path: Pa
     assert whole.info["resumed_after_step"] is None
     assert done.history.equals(whole.history)
     assert done.index.equals(whole.index)
+
+
+@pytest.mark.usefixtures("save_always")
+def test_savings_take_no_more_than_their_share(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(RunWriter, "largest_share", 1e-9)
+    with pytest.raises(InterruptedRunError):
+        run(case_file, "fem", "quick", tmp_path, _stop_at(5))
+    done = run(case_file, "fem", "quick", tmp_path, resume=True)
+    assert done.info["resumed_after_step"] == 0
 
 
 @pytest.mark.usefixtures("save_always")

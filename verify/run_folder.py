@@ -177,7 +177,8 @@ class RunWriter:
     WriteError : disk full, no permission, or another process writes the same run.
     """
 
-    checkpoint_interval = 20.0  # seconds between two savings of the state: a quarter of a million points take 0.1 s
+    checkpoint_interval = 20.0  # seconds between two savings of the state, at least
+    largest_share = 0.02  # of the time that savings may take: two million points write 600 MB
 
     def __init__(
         self, folder: Path, snapshots: Sequence[float] = (), made_by: str = "", after: Checkpoint | None = None
@@ -189,7 +190,7 @@ class RunWriter:
         self._last = after.record if after else None
         self._rows = 0
         self._index: list[tuple[int, int, float, str, str]] = []
-        self._saved_at = time.monotonic()
+        self._save_after = time.monotonic() + self.checkpoint_interval
         self._history: TextIO
 
     def __enter__(self) -> "RunWriter":
@@ -249,7 +250,7 @@ class RunWriter:
         self._rows += 1
         if self._snapshot_due(before, record.u):
             self._write_snapshot(discretisation.fields())
-        if time.monotonic() - self._saved_at > self.checkpoint_interval:
+        if time.monotonic() > self._save_after:
             self._write_checkpoint(discretisation)
 
     def _snapshot_due(self, before: float, now: float) -> bool:
@@ -284,6 +285,7 @@ class RunWriter:
 
     def _write_checkpoint(self, discretisation: Discretisation) -> None:
         assert self._last is not None
+        started = time.monotonic()
         with writing(self.partial / "history.csv"):  # no checkpoint ahead of its history
             os.fsync(self._history.fileno())
         costs = discretisation.costs
@@ -296,7 +298,8 @@ class RunWriter:
             state=discretisation.checkpoint(),
         )
         write_file(self.partial / "checkpoint.npz", checkpoint.write)
-        self._saved_at = time.monotonic()
+        saved = time.monotonic()
+        self._save_after = saved + max(self.checkpoint_interval, (saved - started) / self.largest_share)
 
     def last_state(self, discretisation: Discretisation) -> "Fields | None":
         """Write and return the last good state as the last snapshot and as the checkpoint."""
