@@ -350,7 +350,7 @@ def with_two_cracks(lower):
     other = np.hypot(x - np.clip(x, 0.6, 1.0), y - lower)
     data = {"reference": np.column_stack([x, y, 0 * x]), "phase_field": 1 - np.exp(-np.minimum(upper, other) / 0.02)}
     run = run_of(curve(), h=0.02)
-    run.snapshots = lambda: [(0.5, 1, None), (1.0, 2, SimpleNamespace(point_data=data))]
+    run.points = lambda: SimpleNamespace(point_data=data)
     return run
 
 

@@ -40,6 +40,8 @@ class RunData(Protocol):
     @property
     def info(self) -> dict[str, Any]: ...
     def snapshots(self) -> Iterable[tuple[float, int, Any]]: ...
+    def points(self, u: float | None = None) -> Any: ...
+    def __hash__(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -261,8 +263,7 @@ def _of_paths(function: Callable[[Array, Array], float], over_h: bool = False) -
 
 def _crack_from(run: RunData, start: Sequence[float]) -> Array:
     """Path of the crack that begins at a place (within four cells), in the last state."""
-    *_, (_, _, points) = run.snapshots()
-    data = points.point_data
+    data = run.points().point_data
     reference = np.asarray(data["reference"])[:, :2]
     path = paths.trace_crack(reference, np.asarray(data["phase_field"]), run.case.mesh.h, start=start).points
     if len(path) < 2 or not np.allclose(path[0], start):

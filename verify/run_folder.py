@@ -13,6 +13,7 @@ While a run goes on its folder is called ``<run>.partial``.
 """
 
 import csv
+import functools
 import json
 import os
 import re
@@ -21,7 +22,6 @@ import time
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TextIO
 
@@ -361,6 +361,14 @@ def _crack_path_text(crack_path: np.ndarray) -> str:
 # ---------------------------------------------------------------------------------------------- reading
 
 
+@functools.lru_cache(maxsize=2)
+def _read_mesh(path: Path, changed: int) -> Any:
+    """Kept, since one metric after the other asks for the same state; ``changed`` tells whether the file still is."""
+    import pyvista
+
+    return pyvista.read(path)
+
+
 class RunFolder:
     """A finished run, read only when asked for.
 
@@ -421,7 +429,7 @@ class RunFolder:
         """True when the run went to its end, broke the specimen through, or failed as the case expects."""
         return self.info["status"] in GOOD_STATUSES
 
-    @cached_property
+    @functools.cached_property
     def history(self) -> pd.DataFrame:
         """One row for each increment or recorded time: `HISTORY_COLUMNS`, then further ones, in case units."""
         table = self._table("history.csv", HISTORY_COLUMNS)
@@ -431,12 +439,12 @@ class RunFolder:
             raise self._damaged("history.csv", "has entries that are not numbers")
         return table
 
-    @cached_property
+    @functools.cached_property
     def crack_path(self) -> np.ndarray:
         """(n, 2) polyline in reference coordinates [case length unit]; n = 0 when nothing broke."""
         return self._table("crack_path.csv", ("x", "y")).to_numpy(dtype=float).reshape(-1, 2)
 
-    @cached_property
+    @functools.cached_property
     def index(self) -> pd.DataFrame:
         """One row for each snapshot, columns `INDEX_COLUMNS`."""
         return self._table("fields/index.csv", INDEX_COLUMNS)
@@ -447,10 +455,10 @@ class RunFolder:
         path = self.folder / file
         if not path.is_file():
             raise self._damaged(file, "is missing")
-        mesh = pyvista.read(path)
+        mesh = _read_mesh(path, path.stat().st_mtime_ns)
         if not isinstance(mesh, pyvista.UnstructuredGrid) or mesh.n_points == 0:
             raise self._damaged(file, "holds no mesh")
-        return mesh
+        return mesh.copy(deep=False)
 
     def _nearest(self, u: float | None) -> pd.Series:
         if self.index.empty:

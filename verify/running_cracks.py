@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,11 +29,7 @@ def _name(run: RunData) -> str:
 
 def _points(run: RunData, at: float | None = None) -> Any:
     """Point data of the snapshot nearest to a time, of the last one without."""
-    stored = list(run.snapshots())
-    if not stored:
-        raise MetricError(f"{_name(run)}: has no snapshots; name some in output.times")
-    chosen = stored[-1] if at is None else min(stored, key=lambda snapshot: abs(snapshot[0] - at))
-    return chosen[2].point_data
+    return run.points(at).point_data
 
 
 def _plane(data: Any) -> Array:
@@ -46,6 +43,7 @@ def _broken_at(run: RunData) -> tuple[Any, Array]:
     return data, np.asarray(data["broken_at"])
 
 
+@functools.lru_cache(maxsize=4)
 def branches_of(run: RunData) -> list[Branch]:
     """Branches of the crack that ran during a dynamic run, the longest first; none where nothing broke."""
     data, broken_at = _broken_at(run)
