@@ -20,9 +20,12 @@ from physics.phase_field import initial_history
 from .contact import Contact
 from .explicit_phase_field import PointPhaseField
 from .grid import GridError
-from .moving_body import MovingBody
+from .moving_body import Motion, MovingBody
 from .placement import PointCloud, place_in_bodies
 from .prescribed import Tractions, held_lines
+
+#: columns of the history for each body
+MOTION_COLUMNS = ("x", "y", "momentum_x", "momentum_y", "spin")
 
 
 class ExplicitMaterialPoints:
@@ -51,7 +54,7 @@ class ExplicitMaterialPoints:
         ]
         self._break_notches()
         self._boundary_work = self._boundary_power = 0.0
-        self._first_moment = np.array([body.points.mass @ body.positions() for body in self._moving]).sum(axis=0)
+        self._start = _first_moment(self._motions())
         self._updates_last = case.dynamics.order_of_update == "musl"
         self.costs.count["points"] = len(self.cloud.positions)
 
@@ -203,20 +206,22 @@ class ExplicitMaterialPoints:
 
     def balance(self) -> Balance:
         """Energies and momentum of the bodies that are not rigid."""
-        moving = self._moving
+        moving, motions = self._moving, self._motions()
         gravity = np.array(self.case.dynamics.gravity)  # type: ignore[union-attr]
-        moment = np.array([body.points.mass @ body.positions() for body in moving]).sum(axis=0)
-        momentum = np.array([[b.points.mass @ b.points.vx, b.points.mass @ b.points.vy] for b in moving]).sum(axis=0)
-        fallen = float(gravity @ (moment - self._first_moment))
+        momentum = np.sum([motion.momentum for motion in motions], axis=0)
+        fallen = float(gravity @ (_first_moment(motions) - self._start))
         return Balance(
             elastic=sum(float(body.energy_density() @ body.points.volume) for body in moving),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
-            kinetic=sum(body.kinetic_energy() for body in moving),
+            kinetic=sum(motion.energy for motion in motions),
             external_work=fallen + self._boundary_work + self.contact.work_of_rigid,
             external_power=float(gravity @ momentum) + self._boundary_power,
             contact_work=self.contact.work,
             momentum=(float(momentum[0]), float(momentum[1])),
         )
+
+    def _motions(self) -> list[Motion]:
+        return [body.motion() for body in self._moving]
 
     def least_phase_field(self) -> float:
         """Smallest phase field of all points."""
@@ -227,7 +232,9 @@ class ExplicitMaterialPoints:
         columns: dict[str, float] = {}
         self.contact.begin_record()
         for body, impulse in zip(self.bodies, self.contact.impulse, strict=True):
-            columns |= body.motion()
+            motion = body.motion()
+            values = (*motion.place, *motion.momentum, motion.spin)
+            columns |= {f"{body.name}_{key}": float(v) for key, v in zip(MOTION_COLUMNS, values, strict=True)}
             if len(self.bodies) > 1:
                 columns |= {f"{body.name}_impulse_x": float(impulse[0]), f"{body.name}_impulse_y": float(impulse[1])}
         for name, count in self.contact.violations.items():
@@ -324,3 +331,8 @@ class ExplicitMaterialPoints:
         for number, phase_field in enumerate(self.phase_fields):
             prefix = f"phase_field{number}_"
             phase_field.restore({k.removeprefix(prefix): v for k, v in saved.items() if k.startswith(prefix)})
+
+
+def _first_moment(motions: list[Motion]) -> NDArray:
+    """Sum (2,) of mass times place."""
+    return np.sum([motion.mass * motion.place for motion in motions], axis=0)

@@ -73,6 +73,17 @@ class Points:
     stray_y: NDArray
 
 
+@dataclass(frozen=True)
+class Motion:
+    """A body as a whole: mass, centre of mass (2,) [length], momentum (2,), angular velocity [1/time], kinetic energy."""
+
+    mass: float
+    place: NDArray
+    momentum: NDArray
+    spin: float
+    energy: float
+
+
 @dataclass
 class NodeArrays:
     """Arrays over the nodes of a window: mass, momentum, force, its part from tractions,
@@ -370,11 +381,6 @@ class MovingBody:
         local = np.column_stack([self.points.x, self.points.y]) + self.corner
         return self.origin + self.h * local
 
-    def kinetic_energy(self) -> float:
-        """Of the points [energy]; a rigid body's is not counted."""
-        p = self.points
-        return 0.0 if self.rigid else float(0.5 * p.mass @ (p.vx**2 + p.vy**2))
-
     def energy_density(self) -> NDArray:
         """Elastic energy density (n,) [stress]."""
         p = self.points
@@ -387,16 +393,16 @@ class MovingBody:
         grid, rate = self.grid, self._dynamics.damping if self._dynamics else 0.0
         return -rate * float(grid.m @ (grid.old_x * grid.vx + grid.old_y * grid.vy)) if rate else 0.0
 
-    def motion(self) -> dict[str, float]:
-        """Centre of mass, momentum and angular velocity of the body as a whole."""
-        p, places = self.points, self.positions()
-        mass = p.mass.sum()
-        middle = p.mass @ places / mass
-        arm = (places - middle).T
-        inertia = float(p.mass @ (arm**2).sum(axis=0))
-        spin = float(p.mass @ (arm[0] * p.vy - arm[1] * p.vx)) / inertia
-        values = {"x": middle[0], "y": middle[1], "momentum_x": p.mass @ p.vx, "momentum_y": p.mass @ p.vy, "spin": spin}
-        return {f"{self.name}_{key}": float(value) for key, value in values.items()}
+    def motion(self) -> Motion:
+        """The motion of the body as a whole, in one pass over its points."""
+        p, parts = self.points, np.zeros((len(self.strips) - 1, 8))
+        sum_motion(self.strips, p.x, p.y, p.vx, p.vy, p.mass, parts)
+        mass, x, y, square, momentum_x, momentum_y, turning, energy = parts.sum(axis=0)
+        middle = np.array([x, y]) / mass
+        inertia = square - mass * float(middle @ middle)
+        spin = (turning - float(middle[0] * momentum_y - middle[1] * momentum_x)) / (self.h * inertia)
+        place = self.origin + self.h * (self.corner + middle)
+        return Motion(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Everything that the next step needs, in the points' present order."""
@@ -432,3 +438,24 @@ def mark_cells(nodes, width, order, touches):
         for a in range(max(0, i - order), i + 1):
             for b in range(max(0, j - order), j + 1):
                 touches[a * width + b] = True
+
+
+@njit(cache=True, parallel=True)
+def sum_motion(strips, x, y, vx, vy, mass, parts):
+    """Sums over the points of each strip (n_strips, 8): mass, its moments and second moment about the window's corner,
+    momentum, its moment, and kinetic energy; places in cells."""
+    for strip in prange(len(strips) - 1):
+        m = mx = my = square = px = py = turning = energy = 0.0
+        for p in range(strips[strip], strips[strip + 1]):
+            one, two = mass[p] * vx[p], mass[p] * vy[p]
+            m += mass[p]
+            mx += mass[p] * x[p]
+            my += mass[p] * y[p]
+            square += mass[p] * (x[p] * x[p] + y[p] * y[p])
+            px += one
+            py += two
+            turning += x[p] * two - y[p] * one
+            energy += 0.5 * (one * vx[p] + two * vy[p])
+        sums = (m, mx, my, square, px, py, turning, energy)
+        for k in range(len(sums)):
+            parts[strip, k] = sums[k]
