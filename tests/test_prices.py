@@ -13,7 +13,7 @@ from cases import list_cases, load_case
 from reports.tables import price_rows
 from verify import calibration, cli, running
 from verify.plan import plan
-from verify.prices import PRICES_FILE, price, price_of, read_prices
+from verify.prices import COLUMNS, PRICES_FILE, chosen_savings, price, price_of, read_prices
 from verify.savings import all_off, savings
 from verify.size import size_of
 from verify.studies import Options, StudyError
@@ -109,8 +109,8 @@ def test_recorded_prices_stay_for_other_tiers_and_runs(priced: pd.DataFrame, cas
     assert np.isnan(price_of(recorded, "paper", "fem", "graded grid")), "a price holds at its own tier only"
 
 
-@pytest.mark.parametrize(("accuracy", "used"), [(0.01, False), (0.05, False), (0.2, True)])
-def test_the_plan_switches_off_what_costs_more_than_its_share(
+@pytest.mark.parametrize(("accuracy", "used"), [(0.01, False), (0.05, True)])
+def test_the_plan_switches_off_what_costs_too_much(
     priced: pd.DataFrame, case_file: Path, accuracy: float, used: bool
 ) -> None:
     planned = plan(load_case(case_file, "quick", "fem"), "fem", accuracy)
@@ -119,6 +119,17 @@ def test_the_plan_switches_off_what_costs_more_than_its_share(
     assert bool(planned.change) != used
     uniform = plan(load_case(case_file, "quick", "fem", planned.change), "fem")
     assert planned.cells == uniform.cells
+
+
+def test_the_dearest_saving_goes_where_all_together_cost_too_much(case_file: Path) -> None:
+    prices = pd.DataFrame({"saving": ["graded grid", "adaptive increments", "accelerated staggering"]})
+    prices["change"], prices["tier"], prices["run"] = [0.006, -0.007, 0.0], "quick", "fem"
+    prices.reindex(columns=list(COLUMNS)).to_csv(case_file.parent / PRICES_FILE, index=False)
+    case = load_case(case_file, "quick", "fem")
+    (dear,), (reason,) = chosen_savings(case, "fem", 0.01)
+    assert dear.name == "adaptive increments"
+    assert reason == "costs 0.7 %, 1.3 % with the others, of 1 % wanted"
+    assert chosen_savings(case, "fem", 0.014) == ((), ())
 
 
 def test_a_run_follows_the_plan(priced: pd.DataFrame, case_file: Path, tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def plan(
 ) -> None:
     """Print what will be modelled and what it will cost, without running it.
 
-    With an accuracy, savings whose recorded price is above their share of it are switched off, as
+    With an accuracy, the savings with the highest recorded prices are switched off until the rest keeps within it, as
     `verify run --accuracy` does; what the case's charts say of it is repeated.
 
     Examples: `verify plan sen_tension --tier paper` · `verify plan sen_tension --tier quick --accuracy 1%`

@@ -49,7 +49,8 @@ class Plan:
 def plan(case: Case, run_name: str, accuracy: float | None = None) -> Plan:
     """The plan of one run; ``case`` must be loaded with that run's changes merged in.
 
-    accuracy : error allowed in each checked quantity; savings that cost more than their share are switched off
+    accuracy : error allowed in each checked quantity; the dearest savings are switched off until the others together
+        keep within it
     """
     dear, reasons = chosen_savings(case, run_name, accuracy) if accuracy else ((), ())
     change = all_off(dear)

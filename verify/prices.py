@@ -208,17 +208,19 @@ def _costs(run: RunFolder, which: str) -> dict[str, float]:
 def chosen_savings(case: Case, run: str, accuracy: float) -> tuple[tuple[Saving, ...], tuple[str, ...]]:
     """The savings of a run's case that are too dear for an accuracy, and why, one reason each.
 
-    case : with the run's changes merged in. A saving is too dear when it costs more than its share: the accuracy
-    wanted over the number of savings in use that can be switched off.
+    case : with the run's changes merged in. Errors can add up: the dearest are left out until the recorded prices of
+    the others together are within the accuracy; savings that were not priced count for nothing.
     """
-    switches = [saving for saving in savings(case) if saving.off]
+    used = {saving.name: saving for saving in savings(case) if saving.off}
     prices = read_prices(case)
+    cost = {name: price_of(prices, case.tier, run, name) for name in used}
+    left = {name: value for name, value in cost.items() if value > 0.0}
     dear, reasons = [], []
-    for saving in switches:
-        cost, share = price_of(prices, case.tier, run, saving.name), accuracy / len(switches)
-        if cost > share:
-            dear.append(saving)
-            reasons.append(f"costs {100 * cost:.2g} %, more than its share of {100 * share:.2g} %")
+    while sum(left.values()) > accuracy:
+        together, name = sum(left.values()), max(left, key=lambda name: left[name])
+        others = f", {100 * together:.2g} % with the others" if together > left[name] else ""
+        dear.append(used[name])
+        reasons.append(f"costs {100 * left.pop(name):.2g} %{others}, of {100 * accuracy:.2g} % wanted")
     return tuple(dear), tuple(reasons)
 
 
