@@ -163,13 +163,14 @@ def synthetic_runs() -> pd.DataFrame:
         "iterations": {"split": 12.0, "fracture": 9.0, "elastic": 1.5, "passes": 2.0, "at_rest": 1.0},
         "fem": {"per_run": 0.3, "per_iteration": 2e-3, "per_unknown": 2e-6, "per_factor": 3e-9},
         "mpm": {"per_run": 0.2, "per_iteration": 3e-3, "per_unknown": 3e-6, "per_factor": 4e-9},
+        "explicit": {"per_run": 0.3, "per_step": 1e-3} | dict(zip(calibration.MOVING_KINDS, (1e-7, 2e-7, 7e-7), strict=True)),
         "memory": {"libraries": 400.0, "per_unknown": 2e-3, "per_point": 5e-4},
     }
     rows = []
     for number, (solver, kind, n, steps) in enumerate(
         (solver, kind, n, steps)
         for solver in ("fem", "mpm")
-        for kind in truth["iterations"]
+        for kind in (*calibration.KINDS, *calibration.MOVING_KINDS)
         for n, steps in ((500, 10), (5000, 40), (60000, 20))
     ):
         row = {"case": f"case{number % 5}", "tier": "quick", "run": solver, "solver": solver, "kind": kind, "passes": 1}

@@ -17,7 +17,9 @@ from verify.size import Size, size_of
 
 COSTS_FILE = Path(__file__).with_name("costs.toml")
 #: what is solved, from which the number of iterations in an increment follows
-KINDS = ("at_rest", "elastic", "passes", "fracture", "split", "explicit")
+KINDS = ("at_rest", "elastic", "passes", "fracture", "split")
+#: the same for steps in time, from which the time for a point follows: nothing breaks, order 2, order 4
+MOVING_KINDS = ("explicit_elastic", "explicit_fracture", "explicit_smooth")
 Constants = dict[str, dict[str, float]]
 
 
@@ -47,8 +49,9 @@ def _predict(
     fitted = fitted or constants()
     memory = fitted["memory"]
     megabytes = memory["libraries"] + memory["per_unknown"] * unknowns + memory["per_point"] * points
-    if kind == "explicit":
-        return Cost(increments, fitted["explicit"]["per_point_and_step"] * points * increments, megabytes)
+    if kind in MOVING_KINDS:
+        each = [fitted["explicit"][name] for name in ("per_run", "per_step", *MOVING_KINDS)]
+        return Cost(increments, float(np.dot(each, _moving_shapes(kind, increments, points))), megabytes)
     iterations = increments * passes * fitted["iterations"][kind]
     each = np.array([fitted[solver][name] for name in SECONDS]) @ _shapes(unknowns)
     return Cost(iterations, fitted[solver]["per_run"] + float(each) * iterations, megabytes)
@@ -62,10 +65,15 @@ def _shapes(unknowns: int) -> np.ndarray:
     return np.array([1.0, unknowns, unknowns**1.5])
 
 
+def _moving_shapes(kind: str, steps: int, points: int) -> list[float]:
+    return [1.0, steps, *(steps * points if kind == other else 0.0 for other in MOVING_KINDS)]
+
+
 def kind_of(case: Case) -> str:
-    """One of `KINDS`."""
+    """One of `KINDS` or `MOVING_KINDS`."""
+    orders = {material.fracture.order for material in case.materials.values() if material.fracture}
     if case.dynamics is not None:
-        return "explicit"
+        return MOVING_KINDS[0 if not case.fracture_enabled else 2 if 4 in orders else 1]
     if len(case.load.path) == 1:
         return "at_rest"
     if case.staggered.scheme == "passes" and case.fracture_enabled:
@@ -123,13 +131,19 @@ def fit(table: pd.DataFrame) -> Constants:
     Every case has the same weight, however many of its runs there are. Kinds and solvers without runs keep theirs.
     """
     fitted = {name: dict(part) for name, part in constants().items()}
-    explicit, table = table[table["kind"] == "explicit"], table[table["kind"] != "explicit"]
+    all_weights = 1.0 / table.groupby("case")["case"].transform("count")
+    moves = table["kind"].isin(MOVING_KINDS)
+    explicit, table = table[moves], table[~moves]
     if len(explicit):
-        each = explicit["seconds"] / (explicit["points"] * explicit["increments"])
-        fitted["explicit"] = {"per_point_and_step": float(np.exp(np.log(each).median()))}
+        known = zip(explicit["kind"], explicit["increments"], explicit["points"], strict=True)
+        shapes = np.array([_moving_shapes(*row) for row in known])
+        seen = shapes.any(axis=0)
+        found = _relative(shapes[:, seen], explicit["seconds"], all_weights[moves])
+        names = np.array(["per_run", "per_step", *MOVING_KINDS])[seen]
+        fitted["explicit"] |= dict(zip(map(str, names), found, strict=True))
     if table.empty:
         return fitted
-    weight = 1.0 / table.groupby("case")["case"].transform("count")
+    weight = all_weights[~moves]
     # runs whose forces are in balance without iterating say nothing of those that iterate
     moving = table[table["iterations"] >= table["increments"]]
     per_increment = np.log(moving["iterations"] / (moving["increments"] * moving["passes"]))
