@@ -164,7 +164,8 @@ def synthetic_runs() -> pd.DataFrame:
         "fem": {"per_run": 0.3, "per_iteration": 2e-3, "per_unknown": 2e-6, "per_factor": 3e-9},
         "mpm": {"per_run": 0.2, "per_iteration": 3e-3, "per_unknown": 3e-6, "per_factor": 4e-9},
         "explicit": {
-            "per_run": 0.3, "per_step": 1e-3, "explicit_elastic": 1e-7, "explicit_fracture": 2e-7, "explicit_smooth": 7e-7,
+            "per_run": 0.3, "per_step": 1e-3,
+            "explicit_elastic": 1e-7, "explicit_fracture": 2e-7, "explicit_smooth": 7e-7,
         },
         "memory": {"libraries": 400.0, "per_unknown": 2e-3, "per_point": 5e-4},
     }  # fmt: skip
