@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from verify import crack_front
 
@@ -103,3 +104,16 @@ def test_asymmetry_is_the_largest_difference_of_mirror_images():
     values[7] += 0.25
     assert crack_front.asymmetry(points, values, axis=1, middle=3.0) == pytest.approx(0.25)
     assert crack_front.asymmetry(points, values, axis=0, middle=5.0) > 5.0
+
+
+def test_a_tip_that_meets_a_crack_does_not_run_along_it():
+    """At 10 mm it meets what another tip broke from 20 mm back to 10 mm, and goes on from there at its own speed."""
+    along = np.linspace(0.0, 30.0, 301)
+    line = np.column_stack([along, 0.0 * along])
+    broken_at = np.where(along < 10.0, along, np.where(along < 20.0, 20.0 - along, along - 10.0))
+    branch = crack_front._branch(line, [], cKDTree(line), broken_at + 5.0, h=0.2)
+    assert branch.met == pytest.approx([15.0], abs=0.3)
+    assert branch.position(24.0) > 28.0, "the way goes on beyond"
+    times, speed = branch.speed(0.5)
+    assert speed == pytest.approx(np.ones(len(speed)), abs=0.1)
+    assert (times < 14.0).any() and (times > 16.0).any() and not (np.abs(times - 15.0) < 0.5).any()

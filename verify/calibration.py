@@ -51,7 +51,7 @@ def _predict(
     megabytes = memory["libraries"] + memory["per_unknown"] * unknowns + memory["per_point"] * points
     if kind in MOVING_KINDS:
         each = [fitted["explicit"][name] for name in ("per_run", "per_step", *MOVING_KINDS)]
-        return Cost(increments, float(np.dot(each, _moving_shapes(kind, increments, points))), megabytes)
+        return Cost(increments, float(np.dot(each, _moving_shapes(kind, increments, passes * points))), megabytes)
     iterations = increments * passes * fitted["iterations"][kind]
     each = np.array([fitted[solver][name] for name in SECONDS]) @ _shapes(unknowns)
     return Cost(iterations, fitted[solver]["per_run"] + float(each) * iterations, megabytes)
@@ -66,6 +66,7 @@ def _shapes(unknowns: int) -> np.ndarray:
 
 
 def _moving_shapes(kind: str, steps: int, points: int) -> list[float]:
+    """``points`` once for each pass of a step."""
     return [1.0, steps, *(steps * points if kind == other else 0.0 for other in MOVING_KINDS)]
 
 
@@ -85,7 +86,7 @@ def kind_of(case: Case) -> str:
 
 
 def _passes(case: Case) -> int:
-    return case.staggered.passes if kind_of(case) == "passes" else 1
+    return case.staggered.passes if kind_of(case) in ("passes", *MOVING_KINDS) else 1
 
 
 # ---------------------------------------------------------------------------------------------- measured
@@ -135,7 +136,7 @@ def fit(table: pd.DataFrame) -> Constants:
     moves = table["kind"].isin(MOVING_KINDS)
     explicit, table = table[moves], table[~moves]
     if len(explicit):
-        known = zip(explicit["kind"], explicit["increments"], explicit["points"], strict=True)
+        known = zip(explicit["kind"], explicit["increments"], explicit["passes"] * explicit["points"], strict=True)
         shapes = np.array([_moving_shapes(*row) for row in known])
         seen = shapes.any(axis=0)
         found = _relative(shapes[:, seen], explicit["seconds"], all_weights[moves])

@@ -17,6 +17,8 @@ from verify.crack_path import Array, resample, trace_tree
 
 #: a branch is shorter than this many half widths of the crack: a bulge
 SHORTEST = 4.0
+#: cells that other tips have broken in a row before a tip comes by: it has met their crack
+MET = 4.0
 #: points nearer than this many of their spacings hold together
 LINK = 1.5
 
@@ -27,12 +29,14 @@ class Branch:
 
     points : (k, 2) evenly spaced [length]. arrival : (k,) when the tip came by, never falling [time].
     along : (k,) distance from the start [length]. forks : places in `points` where other branches leave this one.
+    met : times at which the tip ran into the crack of another one, and went on where that began [time].
     """
 
     points: Array
     arrival: Array
     along: Array
     forks: tuple[int, ...]
+    met: tuple[float, ...] = ()
 
     def position(self, times: ArrayLike) -> Array:
         """Distance of the tip from the start at times (n,), NaN before it sets out and after it came to its end."""
@@ -42,14 +46,22 @@ class Branch:
         return np.where(inside, self.along[np.maximum(last, 0)], np.nan)
 
     def speed(self, interval: float, count: int = 5) -> tuple[Array, Array]:
-        """Times (n,) and speed (n,): lines fitted to `count` positions in a row, `interval` apart."""
+        """Times (n,) and speed (n,): lines fitted to `count` positions in a row, `interval` apart.
+
+        Those across a time at which the tip met another crack are left out: it did not run along that.
+        """
         times = np.arange(self.arrival[0], self.arrival[-1], interval)
         position = self.position(times)
         if len(times) < count:
             return np.empty(0), np.empty(0)
         windows = np.lib.stride_tricks.sliding_window_view(position, count)
         centred = interval * (np.arange(count) - 0.5 * (count - 1))
-        return times[count // 2 : len(times) - (count - 1) // 2], windows @ centred / (centred @ centred)
+        begin, end = times[: len(windows)], times[count - 1 :]
+        runs = np.full(len(begin), True)
+        for met in self.met:
+            runs &= (end < met) | (met < begin)
+        middle = times[count // 2 : len(times) - (count - 1) // 2]
+        return middle[runs], (windows @ centred / (centred @ centred))[runs]
 
 
 def branches(
@@ -83,7 +95,15 @@ def _branch(line: Array, others: list[Array], tree: cKDTree, when: Array, h: flo
     line, first = line[known], first[known]
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     forks = sorted({_parting(line, other, h) for other in others})
-    return Branch(line, np.maximum.accumulate(first), along, tuple(forks))
+    arrival = np.maximum.accumulate(first)
+    return Branch(line, arrival, along, tuple(forks), _times_met(first < arrival, arrival, along, MET * h))
+
+
+def _times_met(by_others: NDArray, arrival: Array, along: Array, longest: float) -> tuple[float, ...]:
+    """When the tip came to stretches longer than that which other tips had broken before."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], by_others, [False]]).astype(int)))
+    stretches = edges.reshape(-1, 2)
+    return tuple(float(arrival[a]) for a, b in stretches if along[b - 1] - along[a] > longest)
 
 
 def _parting(line: Array, other: Array, h: float) -> int:
