@@ -82,6 +82,7 @@ def _on_the_unit_square(gauss: NDArray) -> tuple[NDArray, list[NDArray], list[ND
     functions = [local[0] for local in square.basis]
 
     def table(parts: list[NDArray]) -> NDArray:
+        """Values (n_gauss, 4, 4) of the functions at the integration points, four for each corner."""
         return np.stack([part[0] for part in parts], axis=-1).reshape(-1, 4, 4)
 
     values = table([np.asarray(f) for f in functions])

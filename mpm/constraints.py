@@ -165,6 +165,7 @@ def nodes_on(case: Case, nodes: NDArray) -> Selector:
     """Selector of grid nodes on a boundary set."""
 
     def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
+        """Numbers (n,) of the nodes and their distances (n, 2) from the set, none here."""
         chosen = np.flatnonzero(boundary.select(nodes, 1e-6 * case.mesh.h, case.bounding_box()))
         return chosen, np.zeros((len(chosen), 2))
 

@@ -20,6 +20,8 @@ COSTS_FILE = Path(__file__).with_name("costs.toml")
 KINDS = ("at_rest", "elastic", "passes", "fracture", "split")
 #: the same for steps in time, from which the time for a point follows: nothing breaks, order 2, order 4
 MOVING_KINDS = ("explicit_elastic", "explicit_fracture", "explicit_smooth")
+#: processor seconds of a run in time steps: for itself, for each step, for each point in a step
+MOVING_SECONDS = ("per_run", "per_step", *MOVING_KINDS)
 Constants = dict[str, dict[str, float]]
 
 
@@ -50,7 +52,7 @@ def _predict(
     memory = fitted["memory"]
     megabytes = memory["libraries"] + memory["per_unknown"] * unknowns + memory["per_point"] * points
     if kind in MOVING_KINDS:
-        each = [fitted["explicit"][name] for name in ("per_run", "per_step", *MOVING_KINDS)]
+        each = [fitted["explicit"][name] for name in MOVING_SECONDS]
         return Cost(increments, float(np.dot(each, _moving_shapes(kind, increments, passes * points))), megabytes)
     iterations = increments * passes * fitted["iterations"][kind]
     each = np.array([fitted[solver][name] for name in SECONDS]) @ _shapes(unknowns)
@@ -136,12 +138,7 @@ def fit(table: pd.DataFrame) -> Constants:
     moves = table["kind"].isin(MOVING_KINDS)
     explicit, table = table[moves], table[~moves]
     if len(explicit):
-        known = zip(explicit["kind"], explicit["increments"], explicit["passes"] * explicit["points"], strict=True)
-        shapes = np.array([_moving_shapes(*row) for row in known])
-        seen = shapes.any(axis=0)
-        found = _relative(shapes[:, seen], explicit["seconds"], all_weights[moves])
-        names = np.array(["per_run", "per_step", *MOVING_KINDS])[seen]
-        fitted["explicit"] |= dict(zip(map(str, names), found, strict=True))
+        fitted["explicit"] |= _fit_moving(explicit, all_weights[moves])
     if table.empty:
         return fitted
     weight = all_weights[~moves]
@@ -158,6 +155,15 @@ def fit(table: pd.DataFrame) -> Constants:
     found = _relative(shapes, table["memory_mb"], weight)
     fitted["memory"] = dict(zip(("libraries", "per_unknown", "per_point"), found, strict=True))
     return fitted
+
+
+def _fit_moving(table: pd.DataFrame, weight: pd.Series) -> dict[str, float]:
+    """Constants of those kinds of moving runs that there are."""
+    known = zip(table["kind"], table["increments"], table["passes"] * table["points"], strict=True)
+    shapes = np.array([_moving_shapes(*row) for row in known])
+    seen = np.flatnonzero(shapes.any(axis=0))
+    found = _relative(shapes[:, seen], table["seconds"], weight)
+    return dict(zip((MOVING_SECONDS[i] for i in seen), found, strict=True))
 
 
 def _relative(shapes: np.ndarray, values: pd.Series, weight: pd.Series) -> list[float]:

@@ -231,6 +231,7 @@ def _interpolation(points: Array, values: Array, h: float) -> Field:
     support = np.maximum(SUPPORT * _spacing(tree, points), h)
 
     def field(positions: Array) -> Array:
+        """Values (n,), NaN outside the bodies."""
         distance, nearest = tree.query(positions)
         inside = distance <= support[nearest]
         result = np.full(len(positions), np.nan)

@@ -150,6 +150,7 @@ class _Judge:
 
     @cached_property
     def baseline(self) -> dict[tuple[str, str, str], "BaselineRow"]:
+        """Rows of the case's baseline by their keys."""
         return {row.key: row for row in read_baseline(self.case)}
 
     def result(self, check: Check) -> CheckResult:

@@ -252,7 +252,7 @@ def curve_max_error_until(run: RunData, reference: RunData | Curve, *, u_max: fl
 
 
 def _of_paths(function: Callable[[Array, Array], float], over_h: bool = False) -> Callable[..., float]:
-    """Of the main cracks, or of those that begin nearest to ``start`` [length], among several in one body."""
+    """Of the main cracks, or of those that begin at ``start`` [length], where a body has several."""
 
     def value(run: RunData, reference: RunData, *, start: Sequence[float] | None = None) -> float:
         one, two = (_crack(r) if start is None else _crack_from(r, start) for r in (run, reference))

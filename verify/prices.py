@@ -216,8 +216,8 @@ def chosen_savings(case: Case, run: str, accuracy: float) -> tuple[tuple[Saving,
     cost = {name: price_of(prices, case.tier, run, name) for name in used}
     left = {name: value for name, value in cost.items() if value > 0.0}
     dear, reasons = [], []
-    while sum(left.values()) > accuracy:
-        together, name = sum(left.values()), max(left, key=lambda name: left[name])
+    while (together := sum(left.values())) > accuracy:
+        name = max(left, key=lambda name: left[name])
         others = f", {100 * together:.2g} % with the others" if together > left[name] else ""
         dear.append(used[name])
         reasons.append(f"costs {100 * left.pop(name):.2g} %{others}, of {100 * accuracy:.2g} % wanted")

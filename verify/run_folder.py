@@ -363,7 +363,7 @@ def _crack_path_text(crack_path: np.ndarray) -> str:
 
 @functools.lru_cache(maxsize=2)
 def _read_mesh(path: Path, changed: int) -> Any:
-    """Kept, since one metric after the other asks for the same state; ``changed`` tells whether the file still is."""
+    """Kept, since one metric after the other asks for the same state; ``changed`` tells whether it is still the file."""
     import pyvista
 
     return pyvista.read(path)
@@ -458,7 +458,7 @@ class RunFolder:
         mesh = _read_mesh(path, path.stat().st_mtime_ns)
         if not isinstance(mesh, pyvista.UnstructuredGrid) or mesh.n_points == 0:
             raise self._damaged(file, "holds no mesh")
-        return mesh.copy(deep=False)
+        return mesh.copy()
 
     def _nearest(self, u: float | None) -> pd.Series:
         if self.index.empty:
