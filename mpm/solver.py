@@ -12,7 +12,7 @@ from cases import Case
 from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
-from numerics.linear_solvers import lift_empty_diagonal, linear_solver
+from numerics.linear_solvers import keep_barely_seen, lift_empty_diagonal, linear_solver
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton
 from numerics.refinement import carried
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
@@ -316,7 +316,7 @@ class MaterialPoints:
             equations = self._phase_equations
             rest = gather_vector(equations[active.nodes], self._phase_rest, self._phase_pattern.size)
             # cells of the pattern that hold no points leave empty rows
-            values = lift_empty_diagonal(self._phase_pattern, self._phase_pattern.gather(self._phase_local))
+            values = keep_barely_seen(self._phase_pattern, self._phase_pattern.gather(self._phase_local))
             free = equations >= 0
             nodal = self.nodal_phase_field.copy()
             nodal[free] += self._phase_solver.solve(values, rest)[equations[free]]
