@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from cases import Case
 
+from .mesh_arrays import kinds_of
 from .meshing import build_mesh
 
 
 class ElementBasis:
-    """Bilinear quads with 2x2 Gauss points, or linear triangles with 3; more where a higher order is integrated.
+    """Bilinear quads with 2x2 Gauss points, or linear triangles with 3; quads with 3x3 where ``fourth_order``.
 
     Attributes
     ----------
@@ -24,13 +25,13 @@ class ElementBasis:
     volume : (n_el, n_gauss) weight times thickness. gauss_points : (n_el, n_gauss, 2) [length].
     """
 
-    def __init__(self, case: Case, quadrature_order: int = 2) -> None:
+    def __init__(self, case: Case, fourth_order: bool = False) -> None:
         built = build_mesh(case)
         self.mesh, self.body = built.mesh, built.body
         self.nodes = np.ascontiguousarray(built.mesh.p.T)
         self.elements = np.ascontiguousarray(built.mesh.t.T.astype(np.int32))
         element = skfem.ElementQuad1() if isinstance(built.mesh, skfem.MeshQuad) else skfem.ElementTriP1()
-        basis = skfem.Basis(built.mesh, element, intorder=quadrature_order)
+        basis = skfem.Basis(built.mesh, element, intorder=5 if fourth_order else 2)
         self.reference_points = basis.X
         fields = [local[0] for local in basis.basis]
         self.shape = np.array([np.asarray(f)[0] for f in fields]).T.copy()
@@ -44,8 +45,7 @@ class ElementBasis:
         lam, mu : (n_el,) in-plane Lamé constants [stress]. density : (n_el,) [force time²/length⁴].
         """
         alike = np.column_stack([self.slope.reshape(len(self.slope), -1), self.volume, lam, mu, density])
-        scale = np.abs(alike).max(axis=0)
-        _, kinds = np.unique(np.round(alike / np.where(scale > 0, scale, 1.0), 9), axis=0, return_index=True)
+        kinds, _ = kinds_of(alike, digits=9)
         mass = np.einsum("qa,eq->ea", self.shape, self.volume[kinds]) * density[kinds, None]
         root = 1.0 / np.sqrt(np.repeat(mass, 2, axis=1))
         stiffness = self._stiffness(kinds, lam[kinds], mu[kinds])

@@ -41,6 +41,9 @@ class Strain:
 class ExplicitFiniteElements:
     """Bilinear quads or linear triangles in motion; implements ``DynamicDiscretisation``.
 
+    Where the material is of order 4 the phase field, with 3x3 Gauss points, has the basis of ``SmoothBasis``. Strains
+    are small and measured on the first geometry, so that the material's axes do not turn.
+
     The velocity is kept between the times of the displacement. The phase field of a time follows from the history
     field of the same time before the bodies move on; each further of the ``staggered.passes`` repeats the step with the
     phase field of the history field that it led to.
@@ -51,12 +54,9 @@ class ExplicitFiniteElements:
         if len(case.bodies) > 1:
             raise CaseError(f"{case.source}: bodies: explicit finite elements know no contact; run several bodies with"
                             ' solver = "mpm".')  # fmt: skip
-        if any(m.fracture is not None and m.fracture.order == 4 for m in case.materials.values()):
-            raise CaseError(f"{case.source}: fracture.order = 4: the phase field of explicit finite elements is of second"
-                            ' order; run the case with solver = "mpm".')  # fmt: skip
         self.case, self.costs = case, Costs()
-        self.basis = basis = ElementBasis(case)
         materials = MaterialTable(case)
+        self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))
         self._split, self._density = materials.law.split[basis.body], materials.density[basis.body]
         self._lam, self._mu = materials.lame_lambda[basis.body], materials.shear_modulus[basis.body]
         self._coefficients = PhaseFieldCoefficients(materials, basis.body)
@@ -243,7 +243,7 @@ class ExplicitFiniteElements:
             grid_points=basis.nodes,
             grid_cells=basis.elements,
             grid_displacement=self.displacement.copy(),
-            grid_phase_field=self._phase_field.nodal.copy(),
+            grid_phase_field=self._phase_field.at_nodes(),
             broken_at=self._phase_field.broken_at.ravel().copy(),
         )
 

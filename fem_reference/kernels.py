@@ -134,40 +134,67 @@ def _smooth_scalar(unknowns, value, slope, curvature, nodal):
 
 @njit(cache=True, parallel=True)
 def fourth_order_matrices(
-    unknowns, value, slope, curvature, volume, reaction, resistance, diffusion, bending, nodal, local, out_of_balance
+    unknowns, kind, value, slopes, bends, volume, reaction, resistance, diffusion, bending, nodal, local, out_of_balance
 ):
     """The same as ``phase_field_matrices`` with the fourth-order term (Eq. 5.37), on a smooth basis.
 
-    ``value`` (n_el, n_gauss, k), ``slope`` (n_el, n_gauss, k, 2); ``curvature`` (n_el, n_gauss, k, 3) are second
-    derivatives whose squares add up to the quadratic form of gamma.
+    ``value`` (n_kinds, n_gauss, k); ``slopes`` and ``bends`` (n_kinds, k (k + 1) / 2) are the integrals of the products
+    of slopes and of second derivatives, which no history field changes.
     """
-    for e in prange(slope.shape[0]):
-        local[e, :] = 0.0
-        out_of_balance[e, :] = 0.0
-        for q in range(slope.shape[1]):
-            c, cx, cy, c0, c1, c2 = _smooth_scalar(unknowns[e], value[e, q], slope[e, q], curvature[e, q], nodal)
-            w = volume[e, q]
-            source = (resistance[e] - reaction[e, q] * c) * w
+    n_unknowns = unknowns.shape[1]
+    for e in prange(unknowns.shape[0]):
+        parts, rest = local[e], out_of_balance[e]
+        at = value[kind[e]]
+        for entry in range(parts.size):
+            parts[entry] = diffusion[e] * slopes[kind[e], entry] + bending[e] * bends[kind[e], entry]
+        _subtract_product(parts, nodal, unknowns[e], rest)
+        for q in range(volume.shape[1]):
+            c = 0.0
+            for a in range(n_unknowns):
+                c += at[q, a] * nodal[unknowns[e, a]]
+            source, weight = (resistance[e] - reaction[e, q] * c) * volume[e, q], reaction[e, q] * volume[e, q]
             entry = 0
-            for a in range(unknowns.shape[1]):
-                n, stiff, bend = reaction[e, q] * w * value[e, q, a], diffusion[e] * w, bending[e] * w
-                nx, ny = stiff * slope[e, q, a, 0], stiff * slope[e, q, a, 1]
-                b0, b1, b2 = bend * curvature[e, q, a, 0], bend * curvature[e, q, a, 1], bend * curvature[e, q, a, 2]
-                bent = b0 * c0 + b1 * c1 + b2 * c2
-                out_of_balance[e, a] += value[e, q, a] * source - nx * cx - ny * cy - bent
-                for b in range(a, unknowns.shape[1]):
-                    slopes = nx * slope[e, q, b, 0] + ny * slope[e, q, b, 1]
-                    bends = b0 * curvature[e, q, b, 0] + b1 * curvature[e, q, b, 1] + b2 * curvature[e, q, b, 2]
-                    local[e, entry] += n * value[e, q, b] + slopes + bends
+            for a in range(n_unknowns):
+                rest[a] += at[q, a] * source
+                for b in range(a, n_unknowns):
+                    parts[entry] += weight * at[q, a] * at[q, b]
                     entry += 1
 
 
+@njit(inline="always")
+def _subtract_product(matrix, nodal, unknowns, rest):
+    """The product of a packed upper half with an element's unknowns, with its sign turned, into ``rest`` (k,)."""
+    rest[:] = 0.0
+    entry = 0
+    for a in range(rest.size):
+        own = nodal[unknowns[a]]
+        rest[a] -= matrix[entry] * own
+        entry += 1
+        for b in range(a + 1, rest.size):
+            rest[a] -= matrix[entry] * nodal[unknowns[b]]
+            rest[b] -= matrix[entry] * own
+            entry += 1
+
+
 @njit(cache=True, parallel=True)
-def smooth_scalar_at_points(unknowns, value, slope, curvature, nodal, scalar, slope_squared, curvature_squared):
-    """Value, squared gradient and quadratic form of gamma of a scalar at the Gauss points, all (n_el, n_gauss)."""
+def smooth_scalar_at_points(unknowns, kind, value, slope, curvature, nodal, scalar, slope_squared, curvature_squared):
+    """Value, squared gradient and quadratic form of gamma of a scalar at the Gauss points, all (n_el, n_gauss).
+
+    ``slope`` (n_kinds, n_gauss, k, 2); ``curvature`` (n_kinds, n_gauss, k, 3) are second derivatives whose squares add
+    up to the quadratic form of gamma.
+    """
     for e in prange(unknowns.shape[0]):
-        for q in range(slope.shape[1]):
-            c, cx, cy, c0, c1, c2 = _smooth_scalar(unknowns[e], value[e, q], slope[e, q], curvature[e, q], nodal)
+        of = kind[e]
+        for q in range(value.shape[1]):
+            c = cx = cy = c0 = c1 = c2 = 0.0
+            for a in range(unknowns.shape[1]):
+                phase = nodal[unknowns[e, a]]
+                c += value[of, q, a] * phase
+                cx += slope[of, q, a, 0] * phase
+                cy += slope[of, q, a, 1] * phase
+                c0 += curvature[of, q, a, 0] * phase
+                c1 += curvature[of, q, a, 1] * phase
+                c2 += curvature[of, q, a, 2] * phase
             scalar[e, q] = c
             slope_squared[e, q] = cx * cx + cy * cy
             curvature_squared[e, q] = c0 * c0 + c1 * c1 + c2 * c2

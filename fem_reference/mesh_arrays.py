@@ -113,3 +113,14 @@ def edge_table(cells: Integers) -> EdgeTable:
         np.sort(pairs, axis=1), axis=0, return_inverse=True, return_counts=True
     )
     return EdgeTable(ends, of_corner.reshape(cells.shape), count)
+
+
+def kinds_of(features: NDArray, digits: int) -> tuple[NDArray, NDArray]:
+    """Rows (n, m) that are alike: the first one of each kind (n_kinds,), and the kind of each row (n,).
+
+    digits : to which rows of a kind agree, relative to the largest value of each column.
+    """
+    scale = np.abs(features).max(axis=0)
+    rounded = np.round(features / np.where(scale > 0, scale, 1.0), digits)
+    _, first, kind = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return first, kind.reshape(-1).astype(np.int32)

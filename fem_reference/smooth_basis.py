@@ -6,7 +6,10 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from .mesh_arrays import Floats, Integers, MeshError
+from cases import Case
+
+from .element_basis import ElementBasis
+from .mesh_arrays import Floats, Integers, MeshError, kinds_of
 
 #: part of an element's size by which its corners may miss a rectangle
 RECTANGULAR = 1e-6
@@ -24,13 +27,19 @@ class SmoothBasis:
     Attributes
     ----------
     unknowns : (n_elements, 16) numbers of each element's unknowns, 4 node + place.
-    value, slope, curvature : (n_elements, n_gauss, 16), (.., 16, 2), (.., 16, 3) at the Gauss points; second derivatives
-        xx, yy, xy are taken through each element's ``operator``.
+    kind : (n_elements,) elements of one size and operator share what follows.
+    value, slope, curvature : (n_kinds, n_gauss, 16), (.., 16, 2), (.., 16, 3) at the Gauss points; second derivatives
+        xx, yy, xy are taken through the ``operator``.
     """
+
+    #: unknowns for each node
+    PLACES = 4
 
     def __init__(self, nodes: Floats, elements: Integers, gauss: NDArray, reach: float, operator: NDArray) -> None:
         """Functions at Gauss points (2, n_gauss) of the unit square; ``operator`` (n_elements, 3, 3)."""
         size = _sizes(nodes, elements)
+        self._first, self.kind = kinds_of(np.column_stack([size, operator.reshape(-1, 9)]), digits=12)
+        size, operator = size[self._first], operator[self._first]
         self.unknowns = (4 * elements[:, :, None] + np.arange(4)).reshape(len(elements), -1).astype(np.int32)
         values, slopes, bends = _on_the_unit_square(gauss)
         share = _shares(size / reach)
@@ -38,12 +47,36 @@ class SmoothBasis:
 
         def of_elements(functions: NDArray) -> NDArray:
             """Functions (n_gauss, 4 nodes, 4 Hermite) of the unit square as functions of the unknowns."""
-            return np.einsum("qnd,edj->eqnj", functions, share).reshape(len(elements), -1, 16)[..., None]
+            return np.einsum("qnd,edj->eqnj", functions, share).reshape(len(size), -1, 16)[..., None]
 
         self.value = np.ascontiguousarray(of_elements(values)[..., 0])
         self.slope = np.concatenate([of_elements(slopes[0]) / x, of_elements(slopes[1]) / y], axis=-1)
         second = [of_elements(bends[0]) / x**2, of_elements(bends[1]) / y**2, of_elements(bends[2]) / (x * y)]
         self.curvature = np.concatenate(second, axis=-1) @ operator.transpose(0, 2, 1)[:, None]
+
+    @classmethod
+    def of(cls, case: Case, basis: ElementBasis, operator: NDArray) -> SmoothBasis:
+        """The basis on the mesh of a case; MeshError where it has none."""
+        if case.mesh.geometry == "updated":
+            raise MeshError(
+                f'{case.source}: mesh.geometry = "updated" would bend the rectangles that fracture.order = 4 needs;'
+                ' set it to "initial"'
+            )
+        try:
+            # Bezier's control points of a cubic over h
+            return cls(basis.nodes, basis.elements, basis.reference_points, case.mesh.h / 3.0, operator)
+        except MeshError as problem:
+            raise MeshError(f"{case.source}: {problem}") from None
+
+    def forms(self, volume: NDArray) -> tuple[NDArray, NDArray]:
+        """Integrals of the products of slopes and of second derivatives, upper halves (n_kinds, 136), from the
+        volumes (n_elements, n_gauss)."""
+        upper = np.triu_indices(self.value.shape[2])
+        slopes, bends = (
+            np.einsum("eqai,eqbi,eq->eab", parts, parts, volume[self._first])[:, *upper]
+            for parts in (self.slope, self.curvature)
+        )
+        return slopes, bends
 
     @staticmethod
     def at_nodes(unknowns: NDArray) -> NDArray:

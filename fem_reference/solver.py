@@ -24,7 +24,6 @@ from physics.phase_field import PhaseFieldCoefficients, crack_density, degradati
 from . import kernels
 from .boundary import NodeConstraints
 from .element_basis import ElementBasis
-from .mesh_arrays import MeshError
 from .quality import scaled_jacobian
 from .smooth_basis import SmoothBasis
 
@@ -40,36 +39,25 @@ class FiniteElements:
         self.case, self.costs = case, Costs()
         materials = MaterialTable(case)
         self._fourth_order = bool(materials.fourth_order.any())
-        basis = ElementBasis(case, quadrature_order=5 if self._fourth_order else 2)
-        self._gauss = basis.reference_points
+        basis = ElementBasis(case, self._fourth_order)
         self.nodes, self.elements, self.gauss_points = basis.nodes, basis.elements, basis.gauss_points
         self.shape, self.slope, self.volume = basis.shape, basis.slope, basis.volume
         self._first_slope, self._first_volume = basis.slope, basis.volume
-        self._set_materials(materials, basis.body)
+        self._set_materials(materials, basis)
         self._set_equations()
         self._set_initial_state()
 
     # ---------------------------------------------------------------- set-up
 
-    def _set_materials(self, materials: MaterialTable, body: NDArray) -> None:
+    def _set_materials(self, materials: MaterialTable, basis: ElementBasis) -> None:
+        body = basis.body
         self._body, self._law = body, (materials.law, body.astype(np.uint32))
         self._breaks = bool(materials.breakable.any())
         # one value per element, as a column so that it spreads over the Gauss points
         self._coefficients = PhaseFieldCoefficients(materials, body[:, None])
         if self._fourth_order:
-            self._smooth = self._smooth_basis(materials.curvature[body])
-
-    def _smooth_basis(self, operator: NDArray) -> SmoothBasis:
-        if self.case.mesh.geometry == "updated":
-            raise MeshError(
-                f'{self.case.source}: mesh.geometry = "updated" would bend the rectangles that fracture.order = 4 needs;'
-                ' set it to "initial"'
-            )
-        try:
-            # Bezier's control points of a cubic over h
-            return SmoothBasis(self.nodes, self.elements, self._gauss, self.case.mesh.h / 3.0, operator)
-        except MeshError as problem:
-            raise MeshError(f"{self.case.source}: {problem}") from None
+            self._smooth = SmoothBasis.of(self.case, basis, materials.curvature[body])
+            self._forms = self._smooth.forms(basis.volume)
 
     def _set_equations(self) -> None:
         self.constraints = NodeConstraints(self.case, self.nodes)
@@ -189,7 +177,7 @@ class FiniteElements:
         if self._fourth_order:
             smooth = self._smooth
             kernels.fourth_order_matrices(
-                smooth.unknowns, smooth.value, smooth.slope, smooth.curvature, self.volume, reaction, resistance,
+                smooth.unknowns, smooth.kind, smooth.value, *self._forms, self.volume, reaction, resistance,
                 diffusion, bending, self.nodal_phase_field, self._phase_local, self._out_of_balance,
             )  # fmt: skip
         else:
@@ -208,7 +196,7 @@ class FiniteElements:
         if self._fourth_order:
             smooth = self._smooth
             kernels.smooth_scalar_at_points(
-                smooth.unknowns, smooth.value, smooth.slope, smooth.curvature, self.nodal_phase_field,
+                smooth.unknowns, smooth.kind, smooth.value, smooth.slope, smooth.curvature, self.nodal_phase_field,
                 self._c, self._slope_squared, self._curvature_squared,
             )  # fmt: skip
         else:

@@ -6,6 +6,7 @@ import sys
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sparse
 import scipy.sparse.linalg as sparse_linalg
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -36,12 +37,31 @@ class LinearSolver(Protocol):
         """Solution (n,) for the pattern's values (nnz,) and the right side (n,)."""
 
 
+class Pattern(Protocol):
+    """Where the entries of a symmetric matrix stand."""
+
+    size: int
+
+    def upper(self, values: NDArray) -> sparse.csr_matrix:
+        """The upper half as a scipy matrix with sorted rows."""
+
+    def full(self, values: NDArray) -> sparse.csr_matrix:
+        """Both halves as a scipy matrix."""
+
+
+class DirectSolver(LinearSolver, Protocol):
+    """A linear solver that can go over to other matrices."""
+
+    def take(self, pattern: Pattern) -> None:
+        """Solve for matrices of another pattern from now on."""
+
+
 class Pardiso:
     """MKL PARDISO: one symbolic factorisation per pattern, Cholesky, or LDL^T where Cholesky breaks down."""
 
     POSITIVE_DEFINITE, INDEFINITE = 2, -2
 
-    def __init__(self, pattern: SymmetricPattern, costs: Costs) -> None:
+    def __init__(self, pattern: Pattern, costs: Costs) -> None:
         self._pattern, self._costs = pattern, costs
         self._solver = PyPardisoSolver(mtype=self.POSITIVE_DEFINITE)
         self._analysed = False
@@ -49,6 +69,12 @@ class Pardiso:
     def __del__(self) -> None:
         if not sys.is_finalizing():
             self._solver.free_memory(everything=True)
+
+    def take(self, pattern: Pattern) -> None:
+        """Solve for matrices of another pattern from now on."""
+        if self._analysed:
+            self._solver.free_memory(everything=True)
+        self._pattern, self._analysed = pattern, False
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
         """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
@@ -88,8 +114,12 @@ class Pardiso:
 class SuperLU:
     """SciPy's SuperLU, for platforms without MKL."""
 
-    def __init__(self, pattern: SymmetricPattern, costs: Costs) -> None:
+    def __init__(self, pattern: Pattern, costs: Costs) -> None:
         self._pattern, self._costs = pattern, costs
+
+    def take(self, pattern: Pattern) -> None:
+        """Solve for matrices of another pattern from now on."""
+        self._pattern = pattern
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
         """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
@@ -209,6 +239,11 @@ def linear_solver(pattern: SymmetricPattern, costs: Costs, name: str = "direct")
     if name in ("direct", "well_conditioned") and PyPardisoSolver is not None:
         return Pardiso(pattern, costs)
     return SuperLU(pattern, costs)
+
+
+def direct_solver(pattern: Pattern, costs: Costs) -> DirectSolver:
+    """PARDISO, or SuperLU without MKL."""
+    return SuperLU(pattern, costs) if PyPardisoSolver is None else Pardiso(pattern, costs)
 
 
 def lift_empty_diagonal(pattern: SymmetricPattern, values: NDArray) -> NDArray:

@@ -74,6 +74,30 @@ class SymmetricPattern:
         return (upper + sparse.triu(upper, 1).T).tocsr()
 
 
+class RowPattern:
+    """A symmetric matrix kept as rows with a fixed number of entries.
+
+    neighbours : (n, s) column of each entry, ascending, n for none.
+    """
+
+    def __init__(self, neighbours: NDArray) -> None:
+        self.size = len(neighbours)
+        self._neighbours = neighbours
+
+    def upper(self, values: NDArray) -> sparse.csr_matrix:
+        """The upper half of entries (n, s) as a scipy matrix."""
+        return self._kept(values, np.arange(self.size)[:, None])
+
+    def full(self, values: NDArray) -> sparse.csr_matrix:
+        """Both halves as a scipy matrix."""
+        return self._kept(values, 0)
+
+    def _kept(self, values: NDArray, first: NDArray | int) -> sparse.csr_matrix:
+        kept = (self._neighbours >= first) & (self._neighbours < self.size)
+        indptr = np.append(0, np.cumsum(kept.sum(axis=1))).astype(np.int32)
+        return sparse.csr_matrix((values[kept], self._neighbours[kept], indptr), shape=(self.size, self.size))
+
+
 def _key(rows: NDArray, columns: NDArray, kept: NDArray, size: int) -> NDArray:
     low, high = np.minimum(rows[kept], columns[kept]), np.maximum(rows[kept], columns[kept])
     return low.astype(np.int64) * size + high

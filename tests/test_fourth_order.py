@@ -162,8 +162,8 @@ def test_smooth_basis_has_continuous_slopes_and_doubled_nodes_part():
     for y in (0.1, 0.7):
         right_end, coefficients = at((1.0, y))
         left_end, _ = at((0.0, y))
-        value = [(b.value[e, 0] @ coefficients[e]) for b, e in ((right_end, 0), (left_end, 1))]
-        slope = [(coefficients[e] @ b.slope[e, 0]) for b, e in ((right_end, 0), (left_end, 1))]
+        value = [(b.value[b.kind[e], 0] @ coefficients[e]) for b, e in ((right_end, 0), (left_end, 1))]
+        slope = [(coefficients[e] @ b.slope[b.kind[e], 0]) for b, e in ((right_end, 0), (left_end, 1))]
         assert value[0] == pytest.approx(value[1])
         assert slope[0] == pytest.approx(slope[1])
     doubled = np.vstack([nodes, nodes[[1, 4]]])

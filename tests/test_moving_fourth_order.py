@@ -3,19 +3,25 @@
 import numba
 import numpy as np
 import pytest
-from moving_plate import FLYING, MOVING, PLATE, PULLED, STILL, all_steps, check_window, plate_case, run_to
+from moving_plate import (
+    FLYING,
+    GENERAL,
+    MOVING,
+    PULLED,
+    STILL,
+    all_steps,
+    check_window,
+    of_fourth_order,
+    plate_case,
+    run_to,
+)  # fmt: skip
 
 from cases import CaseError
-from fem_reference import ExplicitFiniteElements
 from mpm import MaterialPoints
 from mpm.explicit import ExplicitMaterialPoints
 from physics.surface_energy import SurfaceEnergy, profile
 
-GENERAL = (
-    "order = 4, orientation = 25.0, gamma = { gamma_1111 = 5.0, gamma_2222 = 2.0, gamma_1122 = 0.7,"
-    " gamma_1212 = 11.0, gamma_1112 = 1.5, gamma_2212 = -0.8 }"
-)
-FOURTH = PLATE.replace("length_scale = 0.5", f"length_scale = 0.5, {GENERAL}")
+FOURTH = of_fourth_order(GENERAL)
 SHORT = MOVING.replace("end_time = 16.0", "end_time = 4.0")
 
 
@@ -111,5 +117,3 @@ def test_bits_do_not_depend_on_the_number_of_threads(tmp_path):
 def test_what_has_no_second_derivatives_is_refused(tmp_path):
     with pytest.raises(CaseError, match=r"mpm\.order.*second derivatives"):
         points_of(tmp_path, MOVING, plate=FOURTH.replace("mpm = { order = 2", "mpm = { order = 1"))
-    with pytest.raises(CaseError, match=r'fracture\.order = 4.*solver = "mpm"'):
-        ExplicitFiniteElements(plate_case(tmp_path, FOURTH, MOVING, PULLED, run="fem"))
