@@ -81,7 +81,7 @@ def make_charts(
 
 
 def _forecast(todo: list[Job], options: Options, repeats: int) -> float:
-    return forecast(todo, options.jobs) * repeats
+    return forecast(todo, options.at_once) * repeats
 
 
 class Times:
@@ -112,7 +112,7 @@ class Times:
             tell(f"{outcome.title}: {outcome.line}")
 
         old = [job for job in todo if not job.force and self._other_threads(job, options.threads)]
-        run_all([replace(job, force=True) if job in old else job for job in todo], options.jobs, take)
+        run_all([replace(job, force=True) if job in old else job for job in todo], options, take)
         for job in {job.folder(): job for job in todo}.values():
             run = finished_run(replace(job, force=False))
             if run is not None and (job.force or self.of(run).empty):

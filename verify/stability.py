@@ -86,7 +86,7 @@ def make_maps(
     """
     studies = [MapStudy(case, name, options) for name in chosen_tables(case, "maps", names)]
     todo = [job for study in studies for job in study.jobs(study.cells)]
-    warning = announce(forecast(todo, options.jobs), f"The maps of {case.name}")
+    warning = announce(forecast(todo, options.at_once), f"The maps of {case.name}")
     if warning:
         tell(warning)
     return [study.make(tell) for study in studies]
@@ -247,7 +247,7 @@ class MapStudy:
 
     def _decided(self, cells: Sequence[Cell], tell: Tell) -> pd.DataFrame:
         """A row for each cell, its run done."""
-        run_all(self.jobs(cells), self.options.jobs, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
+        run_all(self.jobs(cells), self.options, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
         rows = [{"x": c.x, "y": c.y, "bisected": c.bisected, **asdict(self.verdict(c))} for c in cells]
         return pd.DataFrame(rows, columns=["x", "y", "bisected", *(f.name for f in fields(Verdict))])
 
