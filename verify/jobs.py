@@ -1,5 +1,6 @@
 """Runs to do: one after the other, in several processes at a time, or on the workers of a Dask cluster."""
 
+import math
 import multiprocessing
 import os
 import signal
@@ -33,8 +34,8 @@ class Job:
     """One run to do; plain data, so that another process can take it.
 
     change : tables laid over those of the run
-    timeout : seconds of the wall's clock after which it is given up at its next increment; a run that failed is then
-        taken for finished as well, but for one that was given more time since
+    timeout : seconds of the wall's clock, from its first state, after which it is given up at its next increment; a run
+        that failed is then taken for finished as well, but for one that was given more time since
     """
 
     source: Path
@@ -175,11 +176,13 @@ def _progress(job: Job, finished: RunFolder | None) -> Iterator[Any]:
 
 
 def _until(timeout: float, view: Callable[[Any], None]) -> Callable[[Any], None]:
-    """The view, and the end of a run that takes too long."""
-    started = time.perf_counter()
+    """The view, and the end of a run that takes too long from its first state on: compilation does not count."""
+    started = math.nan
 
     def listen(increment: Any) -> None:
+        nonlocal started
         view(increment)
+        started = time.perf_counter() if math.isnan(started) else started
         if time.perf_counter() - started > timeout:
             raise OutOfTimeError(f"more than {timeout:g} s, at u = {increment.u:.6g}")
 
