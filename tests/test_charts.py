@@ -14,7 +14,8 @@ from reports import draw_chart, drawing_style
 from reports.charts import accuracy_against_cost
 from reports.maps import where_it_fails
 from reports.results import CaseResults
-from verify import running
+from verify import running, studies
+from verify.calibration import Cost
 from verify.charts import choice_sentence, choices, extrapolated, make_charts, slopes
 from verify.stability import make_maps
 from verify.studies import LONG, Options, StudyError, announce
@@ -205,6 +206,23 @@ def test_an_unknown_quantity_or_chart_is_told(case_file: Path, tmp_path: Path) -
 def test_what_takes_long_says_so_before_it_starts() -> None:
     assert announce(LONG + 1.0, "The charts of x").startswith("The charts of x will take about 10 minutes")
     assert announce(LONG - 1.0, "The charts of x") == ""
+
+
+def test_charts_and_maps_tell_their_predicted_time_before_the_first_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two at a time take half as long; what is finished takes none."""
+    case, told = load_case(fake_solver.write_case(tmp_path / "square", CHART, MAP), "quick"), []
+    monkeypatch.setattr(studies, "LONG", 0.0)
+    monkeypatch.setattr(studies, "cost_of", lambda case, size: Cost(1.0, 1200.0, 1.0))
+    make_charts(case, Options(tmp_path / "out"), tell=told.append)
+    make_maps(case, Options(tmp_path / "out", jobs=2), tell=told.append)
+    charts = told.index("The charts of square will take about 200 minutes; what is finished is kept if you stop it.")
+    maps = told.index("The maps of square will take about 20 minutes; what is finished is kept if you stop it.")
+    assert charts == 0 and told[maps + 1].startswith("square quick spacing x=")
+    told.clear()
+    make_charts(case, Options(tmp_path / "out"), tell=told.append)
+    assert not any("will take" in line for line in told)
 
 
 def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_path: Path) -> None:

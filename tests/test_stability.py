@@ -186,6 +186,13 @@ def test_the_converged_scheme_does_not_feel_its_increment(tmp_path: Path) -> Non
     assert (read(file)[0]["error"] < 0.005).all()
 
 
+def test_the_mesh_sees_its_own_toughness_as_long_as_a_crack_is_as_wide_as_a_cell(tmp_path: Path) -> None:
+    """J is Gc (1 + h / (4 l0)) within 2 % at h = l0, and no longer at h = 2 l0."""
+    (file,) = make_maps(load_case("surfing", "quick"), Options(tmp_path), ["length_scale"])
+    table, _ = read(file)
+    assert table["x"].tolist() == [0.02, 0.04] and table["verdict"].tolist() == ["within 2 %", "beyond 10 %"]
+
+
 def test_points_of_an_elongated_bar_part_where_a_cell_can_be_empty(tmp_path: Path) -> None:
     """Two points in a cell part at a stretch of two, one by one at once; nothing is damaged."""
     (file,) = make_maps(load_case("homogeneous_bar", "quick"), Options(tmp_path), ["stretch"])
