@@ -31,7 +31,7 @@ verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= qui
 
 # A case without charts or maps at this tier says so (3) and the other is made.
 charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and report
-	@test -n "$(CASE)" || { echo "make charts needs a case: make charts CASE=surfing"; exit 3; }
+	$(if $(CASE),,$(error make charts needs a case: make charts CASE=surfing))
 	@$(BIN)/verify chart $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); charted=$$?; \
 	$(BIN)/verify stability $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); mapped=$$?; \
 	if [ $$charted -ne 0 ] && [ $$mapped -ne 0 ]; then exit $$charted; fi; \
