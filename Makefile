@@ -8,7 +8,7 @@ OUT ?= reports/out
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install verify test lint clean
+.PHONY: help install verify charts test lint clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,6 +28,16 @@ verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= qui
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); verdict=$$?; \
 	$(BIN)/verify report --out $(OUT) || exit $$?; \
 	if [ $$verdict -eq 0 ]; then exit $$ran; fi; exit $$verdict
+
+# A case without charts or maps at this tier says so (3) and the other is made.
+charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and report
+	$(if $(CASE),,$(error make charts needs a case: make charts CASE=surfing))
+	@$(BIN)/verify chart $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); charted=$$?; \
+	$(BIN)/verify stability $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); mapped=$$?; \
+	if [ $$charted -ne 0 ] && [ $$mapped -ne 0 ]; then exit $$charted; fi; \
+	$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); \
+	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); \
+	$(BIN)/verify report --out $(OUT)
 
 test: .venv/installed ## run the tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -324,6 +324,7 @@ class ExplicitMaterialPoints:
         self._boundary_work, self._boundary_power, contact.work, contact.work_of_rigid = map(float, saved["work"])
         contact.impulse = saved["impulse"].copy()
         names = ("contact_nodes", "contact_C1", "contact_C2", "contact_C3", "contact_C4")
+        contact.violations.clear()  # to update adds
         contact.violations.update(dict(zip(names, map(int, saved["violations"]), strict=True)))
         for number, body in enumerate(self.bodies):
             prefix = f"body{number}_"

@@ -27,6 +27,8 @@ FAILURES = {
     "slides": ("#E69F00", ""),
 }
 GOOD = ("stable", "holds")
+#: a power that is no surer than this is not told
+SURE = 0.25
 ACCURATE = ("#0072B2", "#56B4E9", "#A6D3F0", "#D6EAF8")
 
 
@@ -61,7 +63,8 @@ def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     name = f"map-{style.slug(file.stem)}"
     title = f"Where it fails: {chosen.title or file.stem}"
-    return style.drawing(figure, folder, name, title, _caption(table, borders), table)
+    caption = f"{_caption(table, borders)}{_powers(file.with_name(f'{file.stem}-powers.csv'), chosen)}"
+    return style.drawing(figure, folder, name, title, caption, table)
 
 
 def _label(levels: dict[str, tuple[Any, ...]]) -> str:
@@ -128,3 +131,14 @@ def _caption(table: pd.DataFrame, borders: pd.DataFrame) -> str:
     if table["bisected"].any():
         parts.append("Dots: cells added by bisection.")
     return " ".join(parts)
+
+
+def _powers(file: Path, chosen: Map) -> str:
+    """The errors of each row as a power of x."""
+    table = pd.read_csv(file) if file.is_file() else pd.DataFrame()
+    said = []
+    for _, row in table.iterrows():
+        errors = f"{_short(row['y'])}: {number(100 * row['least'], 2)} % to {number(100 * row['largest'], 2)} %"
+        power = f", power {row['power']:.2f} ± {row['uncertainty']:.2f}" if row["uncertainty"] < SURE else ""
+        said.append(errors + power)
+    return f" Errors over {_label(chosen.x)} for each {_label(chosen.y)}: {'; '.join(said)}." if said else ""

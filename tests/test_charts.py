@@ -14,7 +14,8 @@ from reports import draw_chart, drawing_style
 from reports.charts import accuracy_against_cost
 from reports.maps import where_it_fails
 from reports.results import CaseResults
-from verify import running
+from verify import running, studies
+from verify.calibration import Cost
 from verify.charts import choice_sentence, choices, extrapolated, make_charts, slopes
 from verify.stability import make_maps
 from verify.studies import LONG, Options, StudyError, announce
@@ -121,7 +122,9 @@ def test_the_cheapest_level_is_chosen_and_an_accident_is_not() -> None:
     assert chosen.loc[0.01, ["at", "next_ladder", "next_factor"]].tolist() == [0.1, "uniform", 6.0]
     said = choice_sentence(chosen.reset_index().iloc[1])
     assert said == "For 1 % in peak force choose graded with h = 0.1 (error 0.8 %, 4 s); uniform takes 6 times as long."
-    assert choice_sentence(chosen.reset_index().iloc[2]) == "For 0.1 % in peak force no level is accurate enough."
+    said = choice_sentence(chosen.reset_index().iloc[2])
+    least = "at the finest, error and the reference's uncertainty are 0.6 %"
+    assert said == f"For 0.1 % in peak force no level is accurate enough: {least}."
 
 
 def test_the_reference_must_be_surer_than_the_target() -> None:
@@ -205,6 +208,23 @@ def test_an_unknown_quantity_or_chart_is_told(case_file: Path, tmp_path: Path) -
 def test_what_takes_long_says_so_before_it_starts() -> None:
     assert announce(LONG + 1.0, "The charts of x").startswith("The charts of x will take about 10 minutes")
     assert announce(LONG - 1.0, "The charts of x") == ""
+
+
+def test_charts_and_maps_tell_their_predicted_time_before_the_first_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two at a time take half as long; what is finished takes none."""
+    case, told = load_case(fake_solver.write_case(tmp_path / "square", CHART, MAP), "quick"), []
+    monkeypatch.setattr(studies, "LONG", 0.0)
+    monkeypatch.setattr(studies, "cost_of", lambda case, size: Cost(1.0, 1200.0, 1.0))
+    make_charts(case, Options(tmp_path / "out"), tell=told.append)
+    make_maps(case, Options(tmp_path / "out", jobs=2), tell=told.append)
+    charts = told.index("The charts of square will take about 200 minutes; what is finished is kept if you stop it.")
+    maps = told.index("The maps of square will take about 20 minutes; what is finished is kept if you stop it.")
+    assert charts == 0 and told[maps + 1].startswith("square quick spacing x=")
+    told.clear()
+    make_charts(case, Options(tmp_path / "out"), tell=told.append)
+    assert not any("will take" in line for line in told)
 
 
 def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_path: Path) -> None:

@@ -158,6 +158,16 @@ def test_free_bodies_keep_their_momentum_and_contact_keeps_its_conditions():
     assert not any(state["counts"][f"contact_C{n}"] for n in (2, 3, 4))
 
 
+def test_going_back_to_a_state_sets_its_counts_back_too():
+    bodies = {"a": square(0.0, velocity=[0.05, 0.0]), "b": square(2.0, velocity=[-0.05, 0.0])}
+    case = case_of(bodies, 12.0, h=0.25)
+    solver = ExplicitMaterialPoints(case)
+    list(instants(solver, case))
+    before = dict(solver.contact.violations)
+    solver.restore(solver.checkpoint())
+    assert before["contact_nodes"] > 0 and dict(solver.contact.violations) == before
+
+
 def test_one_thread_and_two_give_the_same_bits():
     one, two = collision(1), collision(2)
     assert all(np.array_equal(one[name], two[name], equal_nan=True) for name in one if name != "counts")

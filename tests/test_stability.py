@@ -12,7 +12,7 @@ from cases import Case, CaseError, load_case
 from numerics.time_steps import stable_step
 from reports import draw_map, drawing_style
 from verify import explicit_clouds, krylov, probes, running
-from verify.stability import make_maps
+from verify.stability import make_maps, powers
 from verify.studies import Options, StudyError
 
 MAP = """
@@ -54,6 +54,7 @@ def test_bisection_makes_the_border_sharp_at_little_cost(tmp_path: Path, first_o
     with drawing_style():
         drawing = draw_map(file, tmp_path, load_case(tmp_path / "square" / "case.toml", "quick").maps["spacing"])
     assert "Measured over theoretical border (first order" in drawing.caption
+    assert "Errors over mesh.h for each mpm.points_per_cell: 1: 0.5 % to 2.5 %, power 1.00 ± 0.00" in drawing.caption
     assert (tmp_path / drawing.file).stat().st_size > 1000
 
 
@@ -179,6 +180,19 @@ def test_one_pass_converges_at_first_order_in_the_increment(tmp_path: Path) -> N
     assert error[4, 1e-4] < 0.3 * error[1, 1e-4] and error[4, 2e-4] < 0.3 * error[1, 2e-4]
 
 
+def test_the_converged_scheme_does_not_feel_its_increment(tmp_path: Path) -> None:
+    """Peak loads of twice and four times the reference's increment are its own within 0.5 %."""
+    (file,) = make_maps(load_case("sen_tension", "quick"), Options(tmp_path), ["increments_converged"])
+    assert (read(file)[0]["error"] < 0.005).all()
+
+
+def test_the_mesh_sees_its_own_toughness_as_long_as_a_crack_is_as_wide_as_a_cell(tmp_path: Path) -> None:
+    """J is Gc (1 + h / (4 l0)) within 2 % at h = l0, and no longer at h = 2 l0."""
+    (file,) = make_maps(load_case("surfing", "quick"), Options(tmp_path), ["length_scale"])
+    table, _ = read(file)
+    assert table["x"].tolist() == [0.02, 0.04] and table["verdict"].tolist() == ["within 2 %", "beyond 10 %"]
+
+
 def test_points_of_an_elongated_bar_part_where_a_cell_can_be_empty(tmp_path: Path) -> None:
     """Two points in a cell part at a stretch of two, one by one at once; nothing is damaged."""
     (file,) = make_maps(load_case("homogeneous_bar", "quick"), Options(tmp_path), ["stretch"])
@@ -249,6 +263,46 @@ def test_points_that_cross_cells_exert_a_force_as_large_as_their_spacing_on_hat_
         )
         assert linear == pytest.approx(probes.STRETCH / count, rel=1e-9)
         assert quadratic < 0.11 * linear and cubic < 0.11 * quadratic
+
+
+def orders(errors: pd.Series) -> np.ndarray:
+    """Order of convergence from each number of cells to the next."""
+    return -np.diff(np.log(errors)) / np.diff(np.log(errors.index.to_numpy(float)))
+
+
+def test_points_that_travel_end_the_convergence_of_hat_functions_and_not_that_of_quadratic_splines(
+    tmp_path: Path,
+) -> None:
+    """Hat functions: on top of the error at rest that of a stiffness 1 + 2 pi d cos(2 pi X), pi sqrt(10 / 9) d.
+
+    Quadratic splines: second order until points come near to crossing, then a small part of that error.
+    """
+    names = ["cell_crossing_linear", "cell_crossing_quadratic"]
+    linear, quadratic = (
+        read(file)[0].pivot(index="x", columns="y", values="error")
+        for file in make_maps(load_case("homogeneous_bar", "quick"), Options(tmp_path), names)
+    )
+    assert orders(linear[0.0]) == pytest.approx(2.0, abs=0.01), "points at rest"
+    for distance in (0.001, 0.002, 0.005):  # first order in the distance
+        added = (linear[distance] - linear[0.0])[(linear.index >= 16) & (linear.index * distance <= 1 / 6)]
+        assert added.to_numpy() == pytest.approx(np.pi * np.sqrt(10 / 9) * distance, rel=0.07)
+    assert orders(linear[0.001]).min() < 0.1
+    for distance, part in quadratic.items():
+        assert (orders(part[part.index * distance <= 1 / 7]) > 1.8).all()
+        assert distance == 0.0 or part[256] < 0.01 * linear.loc[256, distance]
+
+
+def test_a_map_states_the_power_that_fits_its_errors() -> None:
+    x = np.array([1.0, 2.0, 4.0, 8.0])
+    rows = [
+        pd.DataFrame({"y": "even", "x": x, "error": 0.01 * x**1.5}),
+        pd.DataFrame({"y": "uneven", "x": x, "error": [0.01, 0.001, 0.1, 0.02]}),
+        pd.DataFrame({"y": "few", "x": x, "error": [np.nan, 0.01, 0.02, 0.0]}),
+    ]
+    told = powers(pd.concat(rows)).set_index("y")
+    assert told.loc["even", "power"] == pytest.approx(1.5, abs=1e-9) and told.loc["even", "uncertainty"] < 1e-6
+    assert told.loc["uneven", "uncertainty"] > 0.25
+    assert told.loc["few", "levels"] == 2 and np.isnan(told.loc["few", "power"])
 
 
 def test_a_map_of_probes_needs_no_run(tmp_path: Path) -> None:

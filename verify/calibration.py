@@ -3,7 +3,7 @@
 import functools
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,36 @@ from scipy.optimize import nnls
 from cases import Case, CaseError
 from verify.atomic import write_text
 from verify.run_folder import RunFolder, RunFolderError
-from verify.size import Size, size_of
+from verify.size import Size, fourth_order, size_of
 
 COSTS_FILE = Path(__file__).with_name("costs.toml")
 #: what is solved, from which the number of iterations in an increment follows
-KINDS = ("at_rest", "elastic", "passes", "fracture", "split")
-#: the same for steps in time, from which the time for a point follows: nothing breaks, order 2, order 4
+KINDS = ("at_rest", "elastic", "passes", "fracture", "split", "cyclic")
+#: the same for steps in time: nothing breaks, phase field of order 2, of order 4
 MOVING_KINDS = ("explicit_elastic", "explicit_fracture", "explicit_smooth")
-#: processor seconds of a run in time steps: for itself, for each step, for each point in a step
-MOVING_SECONDS = ("per_run", "per_step", *MOVING_KINDS)
+#: steps in time for each point on a crack's way through a body
+RUNNING = 3.0
 Constants = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What of a run its cost depends on, known before it is run.
+
+    solver : "fem", "mpm", or "gmres" where its systems are solved by iteration; order : of the basis
+    passes : of the staggered scheme in an increment or step, one where it converges
+    width : l0 / h, the cells in the width of a crack; breaking : share of the cells that can break
+    """
+
+    kind: str
+    solver: str
+    order: int
+    passes: int
+    increments: int
+    unknowns: int
+    points: int
+    width: float
+    breaking: float
 
 
 @dataclass(frozen=True)
@@ -40,36 +60,66 @@ def constants() -> Constants:
     return tomllib.loads(COSTS_FILE.read_text(encoding="utf-8"))
 
 
+def demand_of(case: Case, size: Size) -> Demand:
+    """What a run of this size asks for."""
+    widths = [m.fracture.length_scale / case.mesh.h for m in case.materials.values() if m.fracture]
+    solver = "gmres" if size.solver == "mpm" and case.mpm.linear_solver == "gmres" else size.solver
+    # C1 elements have four unknowns of the phase field at a node, about as many couplings as quadratic splines
+    order = case.mpm.order if size.solver == "mpm" else 1 + fourth_order(case)
+    return Demand(
+        kind_of(case), solver, order, _passes(case), size.increments, size.unknowns, size.points,
+        max(widths, default=0.0), size.breaking,
+    )  # fmt: skip
+
+
 def cost_of(case: Case, size: Size, fitted: Constants | None = None) -> Cost:
     """Predicted cost of a run of this size."""
-    return _predict(kind_of(case), _passes(case), size.solver, size.increments, size.unknowns, size.points, fitted)
+    return predict(demand_of(case, size), fitted)
 
 
-def _predict(
-    kind: str, passes: int, solver: str, increments: int, unknowns: int, points: int, fitted: Constants | None = None
-) -> Cost:
+def predict(demand: Demand, fitted: Constants | None = None) -> Cost:
+    """Predicted cost of a run."""
     fitted = fitted or constants()
-    memory = fitted["memory"]
-    megabytes = memory["libraries"] + memory["per_unknown"] * unknowns + memory["per_point"] * points
-    if kind in MOVING_KINDS:
-        each = [fitted["explicit"][name] for name in MOVING_SECONDS]
-        return Cost(increments, float(np.dot(each, _moving_shapes(kind, increments, passes * points))), megabytes)
-    iterations = increments * passes * fitted["iterations"][kind]
-    each = np.array([fitted[solver][name] for name in SECONDS]) @ _shapes(unknowns)
-    return Cost(iterations, fitted[solver]["per_run"] + float(each) * iterations, megabytes)
+    iterations = _iterations(demand, fitted)
+    name, shapes = _shapes(demand, iterations)
+    seconds = sum(fitted[name][key] * shape for key, shape in shapes.items())
+    return Cost(iterations, seconds, sum(fitted["memory"][key] * shape for key, shape in _memory_shapes(demand).items()))
 
 
-#: processor seconds of an iteration: for itself, for each unknown (laws, assembly), for factorising in the plane
-SECONDS = ("per_iteration", "per_unknown", "per_factor")
+def _iterations(demand: Demand, fitted: Constants) -> float:
+    """Steps in time are not iterated."""
+    if demand.kind in MOVING_KINDS:
+        return demand.increments
+    return demand.increments * demand.passes * fitted["iterations"][demand.kind]
 
 
-def _shapes(unknowns: int) -> np.ndarray:
-    return np.array([1.0, unknowns, unknowns**1.5])
+def _shapes(demand: Demand, iterations: float) -> tuple[str, dict[str, float]]:
+    """What processor seconds are a sum of, by the names of the constants, and the table of these."""
+    if demand.kind in MOVING_KINDS:
+        return "explicit", _moving_shapes(demand)
+    # a function is coupled to (2 p + 1)² others, nine for a linear basis
+    coupled = demand.unknowns * (2 * demand.order + 1) ** 2 / 9.0
+    if demand.solver == "gmres":  # each system takes so long that nothing else counts
+        return "gmres", {"per_unknown": coupled * iterations}
+    shapes = {"per_iteration": 1.0, "per_unknown": coupled, "per_factor": coupled * math.sqrt(demand.unknowns)}
+    return demand.solver, {"per_run": 1.0} | {name: shape * iterations for name, shape in shapes.items()}
 
 
-def _moving_shapes(kind: str, steps: int, points: int) -> list[float]:
-    """``points`` once for each pass of a step."""
-    return [1.0, steps, *(steps * points if kind == other else 0.0 for other in MOVING_KINDS)]
+def _moving_shapes(demand: Demand) -> dict[str, float]:
+    """A run, its steps, their phase fields, their points; the cells of cracks that run, as many as are as wide.
+
+    Cracks cross the body once: at two fifths of the waves' speed, in `RUNNING` steps for each point on their way.
+    """
+    steps, breaks = demand.increments * demand.passes, demand.kind != MOVING_KINDS[0]
+    transfers = steps * demand.points * (demand.order + 1) ** 2 / 9.0
+    running = demand.passes * min(demand.increments, RUNNING * math.sqrt(demand.points))
+    solved = running * demand.points * demand.breaking * demand.width * (2 * demand.order + 1) ** 2 / 25.0
+    shapes = {"per_run": 1.0, "per_step": steps, "per_solve": steps * breaks, MOVING_KINDS[0]: transfers}
+    return shapes | {kind: solved * (kind == demand.kind) for kind in MOVING_KINDS[1:]}
+
+
+def _memory_shapes(demand: Demand) -> dict[str, float]:
+    return {"libraries": 1.0, "per_unknown": demand.unknowns, "per_point": demand.points}
 
 
 def kind_of(case: Case) -> str:
@@ -84,7 +134,9 @@ def kind_of(case: Case) -> str:
     splits = {material.fracture.split for material in case.materials.values() if material.fracture}
     if not case.fracture_enabled:
         return "elastic"
-    return "fracture" if splits <= {"none"} else "split"
+    if splits <= {"none"}:
+        return "fracture"
+    return "split" if len(case.load.path) == 2 else "cyclic"
 
 
 def _passes(case: Case) -> int:
@@ -94,14 +146,12 @@ def _passes(case: Case) -> int:
 # ---------------------------------------------------------------------------------------------- measured
 
 
-MEASURED = (
-    "case", "tier", "run", "solver", "kind", "passes", "increments", "unknowns", "points", "counted_unknowns",
-    "iterations", "seconds", "memory_mb",
-)  # fmt: skip
+DEMANDED = tuple(entry.name for entry in fields(Demand))
+MEASURED = ("case", "tier", "run", *DEMANDED, "counted_unknowns", "iterations", "seconds", "memory_mb")
 
 
 def measured_runs(out: Path) -> pd.DataFrame:
-    """A row for each good run below an output folder whose case file has not changed since."""
+    """A row for each run below an output folder that went as planned and whose case file has not changed since."""
     rows = []
     for file in sorted(out.rglob("run.json")):
         try:
@@ -109,20 +159,24 @@ def measured_runs(out: Path) -> pd.DataFrame:
             case = run.case
         except (RunFolderError, CaseError):
             continue
-        if run.good and case.hash() == run.info["case_hash"] and "processor" in run.info["seconds"]:
+        planned = run.good and run.info["status"] != "expected_failure"
+        if planned and case.hash() == run.info["case_hash"] and "processor" in run.info["seconds"]:
             rows.append(_measured(run, case))
     return pd.DataFrame(rows, columns=list(MEASURED))
 
 
 def _measured(run: RunFolder, case: Case) -> dict[str, object]:
-    info, size = run.info, size_of(case, run.info["run"])
-    told = {"case": case.name, "tier": case.tier, "run": info["run"], "solver": size.solver, "kind": kind_of(case)}
-    told |= {"passes": _passes(case), "increments": size.increments, "unknowns": size.unknowns}
+    info, demand = run.info, demand_of(case, size_of(case, run.info["run"]))
     counters = info["counters"]
-    told |= {"points": size.points, "counted_unknowns": counters.get("unknowns_displacement", size.unknowns)}
+    told = {"case": case.name, "tier": case.tier, "run": info["run"], **asdict(demand)}
+    told["counted_unknowns"] = counters.get("unknowns_displacement", demand.unknowns)
     # a phase field alone needs none, steps in time are not iterated
-    told["iterations"] = size.increments if case.dynamics else max(1, counters.get("newton", 0))
+    told["iterations"] = demand.increments if case.dynamics else max(1, counters.get("newton", 0))
     return told | {"seconds": info["seconds"]["processor"], "memory_mb": info.get("memory_mb", math.nan)}
+
+
+def _demands(table: pd.DataFrame) -> list[Demand]:
+    return [Demand(*row) for row in table[list(DEMANDED)].itertuples(index=False)]
 
 
 # ------------------------------------------------------------------------------------------------ fitted
@@ -131,48 +185,32 @@ def _measured(run: RunFolder, case: Case) -> dict[str, object]:
 def fit(table: pd.DataFrame) -> Constants:
     """Constants that make the relative errors of all measured runs small.
 
-    Every case has the same weight, however many of its runs there are. Kinds and solvers without runs keep theirs.
+    A case weighs as the root of the number of its runs, which are much alike. Kinds and solvers without runs keep theirs.
     """
     fitted = {name: dict(part) for name, part in constants().items()}
-    all_weights = 1.0 / table.groupby("case")["case"].transform("count")
-    moves = table["kind"].isin(MOVING_KINDS)
-    explicit, table = table[moves], table[~moves]
-    if len(explicit):
-        fitted["explicit"] |= _fit_moving(explicit, all_weights[moves])
-    if table.empty:
-        return fitted
-    weight = all_weights[~moves]
+    weight = table.groupby("case")["case"].transform("count") ** -0.5
     # runs whose forces are in balance without iterating say nothing of those that iterate
-    moving = table[table["iterations"] >= table["increments"]]
-    per_increment = np.log(moving["iterations"] / (moving["increments"] * moving["passes"]))
-    for kind, part in per_increment.groupby(moving["kind"]):
+    iterated = table[(table["iterations"] >= table["increments"]) & ~table["kind"].isin(MOVING_KINDS)]
+    per_increment = np.log(iterated["iterations"] / (iterated["increments"] * iterated["passes"]))
+    for kind, part in per_increment.groupby(iterated["kind"]):
         fitted["iterations"][str(kind)] = float(np.exp(np.average(part, weights=weight[part.index])))
-    for solver, part in table.groupby("solver"):
-        shapes = np.array([_shapes(n) * k for n, k in zip(part["unknowns"], part["iterations"], strict=True)])
-        found = _relative(np.column_stack([np.ones(len(part)), shapes]), part["seconds"], weight[part.index])
-        fitted[str(solver)] = dict(zip(("per_run", *SECONDS), found, strict=True))
-    shapes = np.column_stack([np.ones(len(table)), table["unknowns"], table["points"]])
-    found = _relative(shapes, table["memory_mb"], weight)
-    fitted["memory"] = dict(zip(("libraries", "per_unknown", "per_point"), found, strict=True))
+    known = [_shapes(*pair) for pair in zip(_demands(table), table["iterations"], strict=True)]
+    names = pd.Series([name for name, _ in known], table.index)
+    shapes = pd.Series([shape for _, shape in known], table.index)
+    for name, part in shapes.groupby(names):
+        fitted[str(name)] |= _relative(list(part), table.loc[part.index, "seconds"], weight[part.index])
+    fitted["memory"] |= _relative([_memory_shapes(d) for d in _demands(table)], table["memory_mb"], weight)
     return fitted
 
 
-def _fit_moving(table: pd.DataFrame, weight: pd.Series) -> dict[str, float]:
-    """Constants of those kinds of moving runs that there are."""
-    known = zip(table["kind"], table["increments"], table["passes"] * table["points"], strict=True)
-    shapes = np.array([_moving_shapes(*row) for row in known])
-    seen = np.flatnonzero(shapes.any(axis=0))
-    found = _relative(shapes[:, seen], table["seconds"], weight)
-    return dict(zip((MOVING_SECONDS[i] for i in seen), found, strict=True))
-
-
-def _relative(shapes: np.ndarray, values: pd.Series, weight: pd.Series) -> list[float]:
-    """Coefficients, none negative, of the least weighted relative errors."""
-    share = np.sqrt(weight.to_numpy(float))
-    scaled = shapes * (share / values.to_numpy(float))[:, None]
-    size = np.abs(scaled).max(axis=0)
+def _relative(shapes: list[dict[str, float]], values: pd.Series, weight: pd.Series) -> dict[str, float]:
+    """Coefficients, none negative, of the least weighted relative errors; none of shapes that no run has."""
+    table, share = pd.DataFrame(shapes), np.sqrt(weight.to_numpy(float))
+    table = table.loc[:, (table != 0.0).any()]
+    scaled = table.to_numpy(float) * (share / values.to_numpy(float))[:, None]
+    size = scaled.max(axis=0)
     coefficients, _ = nnls(scaled / size, share)
-    return [float(value) for value in coefficients / size]
+    return {str(name): float(value) for name, value in zip(table.columns, coefficients / size, strict=True)}
 
 
 def write_constants(fitted: Constants) -> None:
@@ -191,8 +229,7 @@ QUANTITIES = ("unknowns", "iterations", "seconds", "memory_mb")
 
 def predicted(table: pd.DataFrame, fitted: Constants) -> pd.DataFrame:
     """Predicted over measured, columns case, tier, run, unknowns, iterations, seconds, memory_mb."""
-    known = ("kind", "passes", "solver", "increments", "unknowns", "points")
-    costs = [_predict(**{name: row[name] for name in known}, fitted=fitted) for row in table.to_dict("records")]
+    costs = [predict(demand, fitted) for demand in _demands(table)]
     ratios = {"unknowns": table["unknowns"] / table["counted_unknowns"]}
     ratios |= {name: [getattr(cost, name) for cost in costs] / table[name] for name in QUANTITIES[1:]}
     return pd.concat([table[["case", "tier", "run"]], pd.DataFrame(ratios)], axis=1)

@@ -81,7 +81,7 @@ def make_charts(
 
 
 def _forecast(todo: list[Job], options: Options, repeats: int) -> float:
-    return forecast(todo, options.jobs) * repeats
+    return forecast(todo, options.at_once) * repeats
 
 
 class Times:
@@ -112,7 +112,7 @@ class Times:
             tell(f"{outcome.title}: {outcome.line}")
 
         old = [job for job in todo if not job.force and self._other_threads(job, options.threads)]
-        run_all([replace(job, force=True) if job in old else job for job in todo], options.jobs, take)
+        run_all([replace(job, force=True) if job in old else job for job in todo], options, take)
         for job in {job.folder(): job for job in todo}.values():
             run = finished_run(replace(job, force=False))
             if run is not None and (job.force or self.of(run).empty):
@@ -360,15 +360,18 @@ def choices(table: pd.DataFrame, over: dict[str, str], targets: Sequence[float])
 
 
 def _cheapest(part: pd.DataFrame, over: dict[str, str], target: float) -> tuple[Any, ...]:
-    """Of all ladders the cheapest level within the target, and by how much the next best ladder costs more."""
-    found = []
+    """Of all ladders the cheapest level within the target, and by how much the next best ladder costs more.
+
+    Where there is none, the least error of the finest levels with the reference's uncertainty.
+    """
+    part, found = part.assign(bound=part["error"] + part["uncertainty"].fillna(0.0)), []
     for ladder, levels in part.groupby("ladder", sort=False):
-        kept = (levels["error"] + levels["uncertainty"].fillna(0.0) <= target).to_numpy()
+        kept = (levels["bound"] <= target).to_numpy()
         from_here = np.logical_and.accumulate(kept[::-1])[::-1]
         if from_here.any():
             found.append((str(ladder), levels[from_here].sort_values("seconds").iloc[0]))
     if not found:
-        return ("", "", "", math.nan, math.nan, math.nan, math.nan, "", math.nan)
+        return ("", "", "", math.nan, part.groupby("ladder")["bound"].last().min(), math.nan, math.nan, "", math.nan)
     found.sort(key=lambda entry: entry[1]["seconds"])
     ladder, best = found[0]
     rival = next((entry for entry in found[1:] if entry[1]["solver"] == best["solver"]), None)
@@ -380,7 +383,8 @@ def choice_sentence(choice: pd.Series) -> str:
     """What to choose for one target, in words."""
     wanted = f"For {100 * choice['target']:g} % in {str(choice['quantity']).replace('_', ' ')}"
     if not isinstance(choice["ladder"], str) or not choice["ladder"]:
-        return f"{wanted} no level is accurate enough."
+        least = f": at the finest, error and the reference's uncertainty are {100 * choice['error']:.2g} %"
+        return f"{wanted} no level is accurate enough{least if math.isfinite(choice['error']) else ''}."
     short = str(choice["over"]).rpartition(".")[2]
     chosen = f"{wanted} choose {choice['ladder']} with {short} = {text_of(choice['at'])}"
     told = f"{chosen} (error {100 * choice['error']:.2g} %, {choice['seconds']:.2g} s)"

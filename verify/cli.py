@@ -17,6 +17,7 @@ from rich.table import Table
 
 from cases import Case, CaseError, case_schema, list_cases, load_case
 from verify.atomic import WriteError
+from verify.cluster import ClusterError
 from verify.curves import CurveError
 from verify.jobs import Job, outcomes
 from verify.judge import JudgeError, accept, checks_of, find_runs
@@ -35,7 +36,7 @@ from verify.summary import (
 )
 
 OUT_OF_TOLERANCE, RUN_FAILED, BAD_INPUT, NOTHING_CHECKED = 1, 2, 3, 4
-USER_ERRORS = (CaseError, CurveError, JudgeError, RunFolderError, StudyError)
+USER_ERRORS = (CaseError, ClusterError, CurveError, JudgeError, RunFolderError, StudyError)
 COLOURS = {"PASS": "green", "FAIL": "red", "RUN_FAILED": "red", "MISSING": "yellow", "NOT_CHECKED": "yellow"}
 EXIT_CODE_HELP = (
     "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked."
@@ -61,6 +62,10 @@ TierOption = Annotated[str, typer.Option("--tier", help="resolution: quick, stan
 OutOption = Annotated[Path, typer.Option("--out", help="folder of all results")]
 AccuracyOption = Annotated[
     str | None, typer.Option("--accuracy", help="error allowed in each checked quantity, such as 1%")
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option("--cluster", help="do the runs on this Dask cluster, one on each worker: tcp://host:8786"),
 ]
 RunOption = Annotated[list[str] | None, typer.Option("--run", help="only this run; may be repeated")]
 
@@ -249,20 +254,23 @@ def run_command(
         bool, typer.Option("--resume", help="go on with runs that were stopped, from their last checkpoint")
     ] = False,
     threads: Annotated[
-        int, typer.Option("--threads", min=1, help="threads of all jobs together")
+        int, typer.Option("--threads", min=1, help="threads of all jobs together; on a cluster, of each")
     ] = DEFAULT_THREADS,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
     accuracy: AccuracyOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Compute the runs of a case, or of all cases, that are not up to date. Judges nothing.
 
     Examples: `verify run sen_tension` · `verify run sen_shear --run mpm --tier quick` · `verify run --jobs 2` ·
-    `verify run l_panel --tier paper --resume` · `verify run sen_tension --accuracy 1%`
+    `verify run l_panel --tier paper --resume` · `verify run sen_tension --accuracy 1%` ·
+    `verify run --cluster tcp://127.0.0.1:8786 --threads 1`
     """
     from verify.plan import plan as make_plan
 
+    each = threads if cluster else max(1, threads // jobs)
     todo = [
-        Job(*named, tier=tier, out=out, threads=max(1, threads // jobs), force=force, resume=resume)
+        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume)
         for named in _named_runs(case, tier, run_names)
     ]
     for job in todo:
@@ -270,7 +278,7 @@ def run_command(
     if accuracy is not None:
         todo = [replace(job, change=make_plan(job.case(), job.run, _share(accuracy)).change) for job in todo]
     console, failed = _console(), False
-    for outcome in outcomes(todo, jobs):
+    for outcome in outcomes(todo, jobs, cluster):
         console.print(f"{outcome.title}: {outcome.line}", markup=False, highlight=False)
         failed |= outcome.failed
     if failed:
@@ -388,6 +396,7 @@ def chart(
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="runs of each level; the least time counts")] = 1,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
     threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+    cluster: ClusterOption = None,
 ) -> None:
     """Chart accuracy against cost: run the ladders of a case's charts, tabulate and draw error over time and work.
 
@@ -404,7 +413,7 @@ def chart(
     def tell(line: str) -> None:
         console.print(line, markup=False, highlight=False)
 
-    for file in make_charts(loaded, Options(out, jobs, threads), names or [], repeats, tell):
+    for file in make_charts(loaded, Options(out, jobs, threads, cluster), names or [], repeats, tell):
         with drawing_style():
             drawing = draw_chart(file, file.parent, loaded.charts[file.stem].title)
         for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
@@ -420,6 +429,7 @@ def stability(
     names: Annotated[list[str] | None, typer.Option("--map", help="only this map; may be repeated")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
     threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+    cluster: ClusterOption = None,
 ) -> None:
     """Map where a method fails: a verdict for every pair of two levels, the border between them bisected.
 
@@ -436,7 +446,7 @@ def stability(
     def tell(line: str) -> None:
         console.print(line, markup=False, highlight=False)
 
-    for file in make_maps(loaded, Options(out, jobs, threads), names or [], tell):
+    for file in make_maps(loaded, Options(out, jobs, threads, cluster), names or [], tell):
         with drawing_style():
             drawing = draw_map(file, file.parent, loaded.maps[file.stem])
         tell(drawing.caption)
@@ -453,6 +463,7 @@ def price_command(
     record: Annotated[bool, typer.Option("--record", help="keep the prices beside the case's baseline")] = False,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
     threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+    cluster: ClusterOption = None,
 ) -> None:
     """Price every saving: run a case with each of them off in turn and with all off.
 
@@ -470,7 +481,7 @@ def price_command(
     def tell(line: str) -> None:
         console.print(line, markup=False, highlight=False)
 
-    file = price(loaded, Options(out, jobs, threads), run_names or [], tell, record, only or [])
+    file = price(loaded, Options(out, jobs, threads, cluster), run_names or [], tell, record, only or [])
     console.print(_price_table(pd.read_csv(file)))
     tell(f"Prices: {file}")
 

@@ -1,5 +1,6 @@
-"""Runs to do, one after the other or in several processes at a time."""
+"""Runs to do: one after the other, in several processes at a time, or on the workers of a Dask cluster."""
 
+import math
 import multiprocessing
 import os
 import signal
@@ -9,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from rich.console import Console
 
 from cases import Case, load_case
 from verify.atomic import WriteError
+from verify.cluster import LostTask, results
 from verify.progress import progress_view
+from verify.provenance import source_hash
 from verify.run_folder import STATUSES, RunFolder, case_folder
 from verify.running import REPEATABLE_STATUSES, run, up_to_date
 
@@ -31,8 +34,8 @@ class Job:
     """One run to do; plain data, so that another process can take it.
 
     change : tables laid over those of the run
-    timeout : seconds of the wall's clock after which it is given up at its next increment; a run that failed is then
-        taken for finished as well, but for one that was given more time since
+    timeout : seconds of the wall's clock, from its first state, after which it is given up at its next increment; a run
+        that failed is then taken for finished as well, but for one that was given more time since
     """
 
     source: Path
@@ -81,8 +84,18 @@ class Outcome:
     failed: bool
 
 
-def outcomes(todo: list[Job], jobs: int) -> Iterator[Outcome]:
-    """Do all jobs, so many at a time; yields each as it ends."""
+def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator[Outcome]:
+    """Do all jobs, so many at a time; yields each as it ends.
+
+    cluster : address of a Dask scheduler, on whose workers they are done, one at a time on each
+
+    Raises
+    ------
+    ClusterError : the cluster cannot be used.
+    """
+    if cluster is not None:
+        yield from _on_cluster(todo, cluster)
+        return
     if jobs == 1 or len(todo) < 2:
         yield from map(do, todo)
         return
@@ -90,6 +103,29 @@ def outcomes(todo: list[Job], jobs: int) -> Iterator[Outcome]:
     with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
         for future in as_completed([pool.submit(_do_for_parent, job) for job in todo]):
             yield future.result()
+
+
+def _on_cluster(todo: list[Job], address: str) -> Iterator[Outcome]:
+    """By workers that see the same files under the same paths."""
+    everywhere = [replace(job, source=job.source.resolve(), out=job.out.resolve()) for job in todo]
+    tasks = [(job, source_hash()) for job in everywhere]
+    for (job, _), outcome in results(_do_on_worker, tasks, address):
+        folder = job.folder()
+        if isinstance(outcome, LostTask):
+            kept = "go on behind its last checkpoint with `verify run --resume`"
+            yield Outcome(job.title, f"{outcome.reason}; {folder}: {kept}", True)
+        elif not (outcome.failed or folder.exists()):
+            yield Outcome(job.title, f"{folder} is not there: the workers must share this machine's file system", True)
+        else:
+            yield outcome
+
+
+def _do_on_worker(task: tuple[Job, str]) -> Outcome:
+    """A job, where the worker has the same code."""
+    job, source = task
+    if source_hash() != source:
+        return Outcome(job.title, "its worker has another version of the project; install the same everywhere", True)
+    return do(job)
 
 
 def _fresh_processes() -> multiprocessing.context.BaseContext:
@@ -140,11 +176,13 @@ def _progress(job: Job, finished: RunFolder | None) -> Iterator[Any]:
 
 
 def _until(timeout: float, view: Callable[[Any], None]) -> Callable[[Any], None]:
-    """The view, and the end of a run that takes too long."""
-    started = time.perf_counter()
+    """The view, and the end of a run that takes too long from its first state on: compilation does not count."""
+    started = math.nan
 
     def listen(increment: Any) -> None:
+        nonlocal started
         view(increment)
+        started = time.perf_counter() if math.isnan(started) else started
         if time.perf_counter() - started > timeout:
             raise OutOfTimeError(f"more than {timeout:g} s, at u = {increment.u:.6g}")
 

@@ -91,10 +91,10 @@ def price(
         known = dict.fromkeys(saving.name for one in priced for saving in one.all_switches)
         remedy = f"; its runs have: {', '.join(known)}" if known else ""
         raise StudyError(f"{case.source}: {what} of its runs can be switched off at tier {case.tier!r}{remedy}.")
-    warning = announce(forecast(todo, options.jobs), f"The prices of {case.name}")
+    warning = announce(forecast(todo, options.at_once), f"The prices of {case.name}")
     if warning:
         tell(warning)
-    run_all(todo, options.jobs, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
+    run_all(todo, options, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
     table = pd.DataFrame([row for one in priced for row in one.rows()], columns=list(COLUMNS))
     file = options.out / "prices" / case.name / f"{case.tier}.csv"
     write_table(file, table)

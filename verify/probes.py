@@ -55,6 +55,31 @@ def _largest_inner_force(positions: NDArray, spacing: float, order: int) -> floa
     return float(np.abs(forces[MIDDLE[0] : MIDDLE[1]]).max())
 
 
+def crossed_bar(case: Case, *, cells: int, distance: float, order: int) -> Verdict:
+    """Error of a bar's displacement u = sin(pi x) under its body force, over its size, both root mean squares.
+
+    Its points, two in a cell of the start, have travelled by distance sin(2 pi X) lengths, so that its held ends stay
+    where they are while points cross the cells between them.
+    """
+    start = (np.arange(2 * cells) + 0.5) / (2 * cells)
+    positions = start + distance * np.sin(2.0 * np.pi * start)
+    volumes = (1.0 + 2.0 * np.pi * distance * np.cos(2.0 * np.pi * start)) / (2 * cells)
+    axis = Axis(np.linspace(0.0, 1.0, cells + 1), order)
+    located = axis.locate(positions)
+    values, slopes = axis.evaluate(positions, located)
+    functions = located[:, None] + np.arange(order + 1)
+    exact = np.sin(np.pi * positions)
+    stiffness, force = np.zeros((axis.n_functions, axis.n_functions)), np.zeros(axis.n_functions)
+    pairs = slopes[:, :, None] * slopes[:, None, :] * volumes[:, None, None]
+    np.add.at(stiffness, (functions[:, :, None], functions[:, None, :]), pairs)
+    np.add.at(force, functions, values * (np.pi**2 * exact * volumes)[:, None])
+    solution = np.zeros(axis.n_functions)
+    solution[1:-1] = np.linalg.solve(stiffness[1:-1, 1:-1], force[1:-1])  # the outermost functions are the ends' own
+    found = (values * solution[functions]).sum(axis=1)
+    error = float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+    return Verdict(STABLE, value=error, error=error)
+
+
 # -------------------------------------------------------------------------------------------- rotation
 
 
@@ -115,5 +140,5 @@ def _tilted(case: Case, friction: float, slope: float, time: float) -> Case:
 
 
 PROBES: dict[str, Callable[..., Verdict]] = {
-    probe.__name__: probe for probe in (explicit_step, cell_crossing, turned_stress, incline, krylov)
+    probe.__name__: probe for probe in (explicit_step, cell_crossing, crossed_bar, turned_stress, incline, krylov)
 }

@@ -11,7 +11,7 @@ from cases.spacing import grid_lines
 @dataclass(frozen=True)
 class Size:
     """Predicted sizes of one run; ``unknowns`` are those of the displacement, ``increments`` may be
-    steps in time."""
+    steps in time, ``breaking`` is the share of the cells that lie in a body that can break."""
 
     solver: str
     cells: int
@@ -19,6 +19,7 @@ class Size:
     unknowns: int
     unknowns_phase_field: int
     increments: int
+    breaking: float
 
 
 def size_of(case: Case, run_name: str) -> Size:
@@ -33,7 +34,7 @@ def size_of(case: Case, run_name: str) -> Size:
     phase_field = (4 if smooth else 1) * functions if case.fracture_enabled else 0
     points = cells * _points_per_cell(case, solver, triangles)
     steps = _increments(case) if case.dynamics is None else _time_steps(case)
-    return Size(solver, cells, points, 2 * functions, phase_field, steps)
+    return Size(solver, cells, points, 2 * functions, phase_field, steps, _breaking(case, x_lines, y_lines))
 
 
 def fourth_order(case: Case) -> bool:
@@ -48,13 +49,25 @@ def has_triangles(case: Case, solver: str) -> bool:
 
 def filled_cells(case: Case, x_lines: np.ndarray, y_lines: np.ndarray) -> np.ndarray:
     """(n_x, n_y) bool: cells whose centre is in a body and not in a notch of left-out cells."""
-    x, y = (0.5 * (lines[1:] + lines[:-1]) for lines in (x_lines, y_lines))
-    centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    centres = _centres(x_lines, y_lines)
     filled = np.asarray(case.inside(centres)) >= 0
     for notch in case.notches:
         if notch.kind == "cells":
             filled &= ~_within(centres, np.asarray(notch.start), np.asarray(notch.end), notch.width)
-    return filled.reshape(len(x), len(y))
+    return filled.reshape(len(x_lines) - 1, len(y_lines) - 1)
+
+
+def _centres(x_lines: np.ndarray, y_lines: np.ndarray) -> np.ndarray:
+    """(n_x n_y, 2): centres of all cells."""
+    x, y = (0.5 * (lines[1:] + lines[:-1]) for lines in (x_lines, y_lines))
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _breaking(case: Case, x_lines: np.ndarray, y_lines: np.ndarray) -> float:
+    """Share of the filled cells whose body can break."""
+    body = np.asarray(case.inside(_centres(x_lines, y_lines)))
+    can_break = np.array([case.materials[one.material].fracture is not None for one in case.bodies.values()])
+    return float(can_break[body[body >= 0]].mean()) if (body >= 0).any() else 0.0
 
 
 def _within(points: np.ndarray, start: np.ndarray, end: np.ndarray, width: float) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 >>> make_maps(load_case("surfing", "quick"), Options(Path("reports/out")))  # doctest: +SKIP
 
-Leaves ``<out>/maps/<case>/<tier>/<map>.csv`` (a row for each cell) and ``<map>-borders.csv`` (a row for each change
-of the verdict along x). A cell is an ordinary run of the case, or a probe that needs no run.
+Leaves ``<out>/maps/<case>/<tier>/<map>.csv`` (a row for each cell), ``<map>-borders.csv`` (a row for each change of the
+verdict along x) and ``<map>-powers.csv`` (a row for each y: its errors as a power of x). A cell is an ordinary run of
+the case, or a probe that needs no run.
 """
 
 import math
@@ -13,7 +14,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from scipy.stats import linregress
 
 from cases import Case, CaseError
 from cases.judging import merge, nest
@@ -55,6 +58,7 @@ from verify.verdicts import (
 WHOLE = 0.9
 #: how a run that did not end well is called on a map; a solver's further statuses are one more entry each
 VERDICTS = {"no_convergence": NO_CONVERGENCE, "expected_failure": NO_CONVERGENCE, "failed": BLEW_UP}
+POWER_COLUMNS = ("y", "levels", "least", "largest", "power", "uncertainty")
 BORDER_COLUMNS = ("y", "below", "above", "verdict_below", "verdict_above", "measured", "border", "theory")
 
 Tell = Callable[[str], None]
@@ -86,7 +90,7 @@ def make_maps(
     """
     studies = [MapStudy(case, name, options) for name in chosen_tables(case, "maps", names)]
     todo = [job for study in studies for job in study.jobs(study.cells)]
-    warning = announce(forecast(todo, options.jobs), f"The maps of {case.name}")
+    warning = announce(forecast(todo, options.at_once), f"The maps of {case.name}")
     if warning:
         tell(warning)
     return [study.make(tell) for study in studies]
@@ -101,6 +105,21 @@ def _torn(history: pd.DataFrame, fraction: float) -> int | None:
     force, growing = history["F"].abs(), history["u"].abs().is_monotonic_increasing
     gone = (force < fraction * force.cummax()) & (history["c_min"].cummin() > WHOLE)
     return int(gone.to_numpy().argmax()) if growing and gone.any() else None
+
+
+def powers(table: pd.DataFrame) -> pd.DataFrame:
+    """Least and largest error of each row of a map, and the power of x that fits its errors, with its standard error.
+
+    A fit needs three cells with an error at positive numbers.
+    """
+    rows = []
+    for y, row in table[table["error"] > 0.0].groupby("y", sort=False):
+        fit: tuple[float, float] = (math.nan, math.nan)
+        if len(row) > 2 and pd.api.types.is_numeric_dtype(pd.Series(list(row["x"]))) and row["x"].min() > 0.0:
+            line = linregress(np.log(row["x"].astype(float)), np.log(row["error"]))
+            fit = float(line.slope), float(line.stderr)
+        rows.append((y, len(row), row["error"].min(), row["error"].max(), *fit))
+    return pd.DataFrame(rows, columns=list(POWER_COLUMNS))
 
 
 class MapStudy:
@@ -241,13 +260,13 @@ class MapStudy:
         for _ in range(self.map.bisections):
             table = pd.concat([table, self._decided(self._between(table), tell)], ignore_index=True)
         folder = map_folder(self.options.out, self.case)
-        for ending, part in {"": table, "-borders": self._borders(table)}.items():
+        for ending, part in {"": table, "-borders": self._borders(table), "-powers": powers(table)}.items():
             write_table(folder / f"{self.name}{ending}.csv", part)
         return folder / f"{self.name}.csv"
 
     def _decided(self, cells: Sequence[Cell], tell: Tell) -> pd.DataFrame:
         """A row for each cell, its run done."""
-        run_all(self.jobs(cells), self.options.jobs, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
+        run_all(self.jobs(cells), self.options, lambda outcome: tell(f"{outcome.title}: {outcome.line}"))
         rows = [{"x": c.x, "y": c.y, "bisected": c.bisected, **asdict(self.verdict(c))} for c in cells]
         return pd.DataFrame(rows, columns=["x", "y", "bisected", *(f.name for f in fields(Verdict))])
 

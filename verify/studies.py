@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from cases import Case, Check
 from cases.judging import merge
 from cases.studies import Levels, coordinates, level_changes
 from verify.calibration import cost_of
+from verify.cluster import worker_count
 from verify.curves import CurveError
 from verify.jobs import Job, Outcome, outcomes
 from verify.metrics import MetricError
@@ -44,11 +46,20 @@ def chosen_tables(case: Case, key: str, names: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Options:
-    """How the runs of a study are done: so many at a time, each on so many threads."""
+    """How the runs of a study are done: so many at a time, each on so many threads.
+
+    cluster : address of a Dask scheduler whose workers do the runs, in place of processes of this machine
+    """
 
     out: Path
     jobs: int = 1
     threads: int = 1
+    cluster: str | None = None
+
+    @cached_property
+    def at_once(self) -> int:
+        """Runs at the same time."""
+        return self.jobs if self.cluster is None else worker_count(self.cluster)
 
 
 @dataclass(frozen=True)
@@ -95,10 +106,10 @@ def announce(seconds: float, what: str) -> str:
     return f"{what} will take about {seconds / 60:.0f} minutes; what is finished is kept if you stop it."
 
 
-def run_all(todo: Sequence[Job], jobs: int, tell: Callable[[Outcome], None]) -> None:
+def run_all(todo: Sequence[Job], options: Options, tell: Callable[[Outcome], None]) -> None:
     """Do the jobs that are not finished, each computation once."""
     distinct = {job.folder(): job for job in todo}
-    for outcome in outcomes(list(distinct.values()), jobs):
+    for outcome in outcomes(list(distinct.values()), options.jobs, options.cluster):
         tell(outcome)
 
 
