@@ -202,3 +202,9 @@ def test_every_case_of_the_library_has_a_finite_cost(name: str) -> None:
         case = load_case(name, "quick", run)
         cost = calibration.cost_of(case, size_of(case, run))
         assert 0.0 < cost.seconds < 1e4 and 100.0 < cost.memory_mb < 1e5 and cost.iterations > 0.0
+
+
+def test_the_plan_says_that_a_box_which_follows_the_crack_grows(case_file: Path) -> None:
+    follows = {"mesh": {"follow_crack": True}}
+    assert any("grow with it" in note for note in plan(load_case(case_file, "quick", "fem", follows), "fem").notes)
+    assert not any("grow with it" in note for note in plan(load_case(case_file, "quick", "fem"), "fem").notes)

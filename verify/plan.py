@@ -95,8 +95,10 @@ def _priced(case: Case, run: str, dear: tuple[Saving, ...], reasons: tuple[str, 
 
 
 def _notes(case: Case, accuracy: float | None) -> tuple[str, ...]:
-    """What the spacing does to the toughness, and what the accuracy asks of it."""
+    """What the spacing does to the toughness, what the accuracy asks of it, and what the sizes leave out."""
     notes = []
+    if case.mesh.follow_crack:
+        notes.append("sizes, memory and time are those of the first fine box; they grow with it")
     for name, material in case.materials.items():
         if material.fracture is None:
             continue
