@@ -152,4 +152,4 @@ def test_without_dask_one_sentence_tells_how_to_install_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert exit_code("run", str(case_file), "--tier", "quick", "--cluster", "tcp://127.0.0.1:8786") == 3
-    assert "pip install 'fracture-verify[dask]'" in capsys.readouterr().err
+    assert "pip install 'dask[distributed]'" in capsys.readouterr().err

@@ -72,7 +72,7 @@ def _connected(address: str) -> Iterator[Any]:
         from distributed import Client
     except ImportError as missing:
         raise ClusterError(
-            f"{address}: a cluster needs Dask, which is not installed; do it with `pip install 'fracture-verify[dask]'`."
+            f"{address}: a cluster needs Dask, which is not installed; do it with `pip install 'dask[distributed]'`."
         ) from missing
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
