@@ -78,6 +78,16 @@ def exit_code(*arguments: str) -> Any:
     return ended.value.code
 
 
+def test_what_a_client_remembers_of_its_workers_is_not_relied_on(
+    address: str, case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the background it is overwritten by what has no workers."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(distributed.Client, "scheduler_info", lambda *_, **__: {"workers": {}})
+    (outcome,) = outcomes([job(case_file, tmp_path)], jobs=1, cluster=address)
+    assert not outcome.failed, outcome.line
+
+
 def test_runs_leave_their_folders_where_they_are_asked_for(
     address: str, case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

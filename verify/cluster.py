@@ -88,7 +88,8 @@ def _connected(address: str) -> Iterator[Any]:
 
 
 def _workers(client: Any) -> set[str]:
-    return set(client.scheduler_info()["workers"])
+    # asked of the scheduler: what the client knows of it is overwritten in the background, without workers
+    return set(client.ncores())
 
 
 def _has_worker(client: Any) -> bool:
