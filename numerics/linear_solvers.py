@@ -254,11 +254,11 @@ def lift_empty_diagonal(pattern: SymmetricPattern, values: NDArray) -> NDArray:
 
 
 def keep_barely_seen(pattern: SymmetricPattern, values: NDArray) -> NDArray:
-    """Give unknowns with next to no stiffness a usual diagonal, in place, so that a correction leaves them as they are.
+    """`lift_empty_diagonal` that gives unknowns with next to no stiffness a usual diagonal: a correction leaves them.
 
     Few points at the far edge of their cells determine the values of the functions beyond it badly: these would run away.
     """
     diagonal = values[pattern.diagonal]
     usual = np.median(diagonal[diagonal > 0.0])
-    values[pattern.diagonal] = np.where(diagonal < BARELY_SEEN * usual, usual, diagonal)
+    lift_empty_diagonal(pattern, values)[pattern.diagonal[diagonal < BARELY_SEEN * usual]] = usual
     return values

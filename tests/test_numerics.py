@@ -1,13 +1,14 @@
 """Sparse patterns, linear solvers and Newton's method."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from numerics.acceleration import Acceleration
 from numerics.costs import Costs
-from numerics.linear_solvers import linear_solver
+from numerics.linear_solvers import keep_barely_seen, linear_solver
 from numerics.newton import load_ratio, newton
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from numerics.staggered import NewtonError, remaining_distance
@@ -164,3 +165,10 @@ def test_each_second_is_charged_to_one_part():
     with costs.timed("phase_field"), costs.timed("factorisation"):
         time.sleep(0.02)
     assert costs.seconds["factorisation"] >= 0.02 > 0.01 > costs.seconds["phase_field"]
+
+
+def test_unknowns_with_next_to_no_stiffness_get_a_usual_diagonal():
+    pattern = SimpleNamespace(diagonal=np.array([0, 2, 3, 4, 5]))
+    values = keep_barely_seen(pattern, np.array([1.0, -0.5, 2.0, 1.5, 1e-8, 0.0]))
+    assert values[4] == values[5] == 1.25, "the median of those that have any"
+    assert values[:4] == pytest.approx([1.0, -0.5, 2.0, 1.5], rel=1e-9)
