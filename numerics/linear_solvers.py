@@ -236,9 +236,7 @@ def linear_solver(pattern: SymmetricPattern, costs: Costs, name: str = "direct")
         return Gmres(pattern, costs)
     if name == "cg" or (name == "well_conditioned" and PyPardisoSolver is None):
         return ConjugateGradients(pattern, costs)
-    if name in ("direct", "well_conditioned") and PyPardisoSolver is not None:
-        return Pardiso(pattern, costs)
-    return SuperLU(pattern, costs)
+    return SuperLU(pattern, costs) if name == "superlu" else direct_solver(pattern, costs)
 
 
 def direct_solver(pattern: Pattern, costs: Costs) -> DirectSolver:
