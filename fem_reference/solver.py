@@ -215,7 +215,7 @@ class FiniteElements:
         flat[prescribed] = self.constraints.prescribed_values(load)[prescribed]
         start = np.zeros(self.constraints.size)
         start[self.constraints.equations[~prescribed]] = flat[~prescribed]
-        newton(self, start, tolerance, self.costs)
+        newton(self, start, tolerance, self.case.staggered.residual_tolerance, self.costs)
         return self._psi[..., 0].ravel().copy()
 
     def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:

@@ -355,7 +355,7 @@ class MaterialPoints:
         free = self._equations >= 0
         start[self._equations[free]] = flat[free]
         start[self._size - len(self._tied) :] = self._tied
-        newton(self, start, tolerance, self.costs)
+        newton(self, start, tolerance, self.case.staggered.residual_tolerance, self.costs)
         return self._psi[:, 0].copy()
 
     def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:

@@ -44,8 +44,11 @@ class Equilibrium(Protocol):
         """Solution d (n,) of K(x) d = -R."""
 
 
-def newton(system: Equilibrium, unknowns: NDArray, tolerance: float, costs: Costs) -> NDArray:
+def newton(system: Equilibrium, unknowns: NDArray, tolerance: float, finest: float, costs: Costs) -> NDArray:
     """Unknowns (n,) with |R| <= tolerance * force scale; counts corrections and equilibria that stayed loose.
+
+    What is not in equilibrium to the tolerance ``finest`` is corrected once at least: near the tip of a crack a
+    change that is nothing to the whole body's forces is much.
 
     R is the gradient of an energy that is convex for all three splits, so that a Newton step, cut back to where the
     energy is near its lowest along it, converges; ``NewtonError`` says when it did not.
@@ -55,7 +58,7 @@ def newton(system: Equilibrium, unknowns: NDArray, tolerance: float, costs: Cost
         norm = np.linalg.norm(residual)
         if not np.isfinite(norm):
             raise NewtonError("equilibrium iteration met a value that is not finite")
-        if norm <= tolerance * scale:
+        if norm <= (tolerance if iteration else finest) * scale:
             return unknowns
         if iteration >= PATIENCE and norm <= LOOSE_TOLERANCE * scale:
             costs.count["loose_equilibria"] += 1

@@ -139,15 +139,18 @@ def _until_converged(discretisation: Discretisation, case: Case, load: float, gi
         before, change = change, float(np.abs(phase_field - previous).max())
         image = discretisation.nodal_phase_field
         ahead = acceleration.next(start, image)
-        # an accelerated step is itself an estimate of the distance
-        remaining = max(remaining_distance(change, before), float(np.abs(ahead - start).max()))
-        if remaining <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
-            return StepOutcome("converged", history_field, iteration)
+        # it may leave the range that the equation itself would keep to
+        ahead = np.clip(ahead, np.minimum(image, 0.0), np.maximum(image, 1.0))
+        if remaining_distance(change, before) <= settings.tolerance and tolerance <= 10.0 * settings.residual_tolerance:
+            # an accelerated step is itself an estimate of the distance
+            accelerated = float(np.abs(discretisation.set_phase_field(ahead) - previous).max())
+            phase_field = discretisation.set_phase_field(image)
+            if accelerated <= settings.tolerance:
+                return StepOutcome("converged", history_field, iteration)
         reason = give_up(iteration)
         if reason:
             return StepOutcome("interrupted", history_field, iteration, reason)
-        # it may leave the range that the equation itself would keep to
-        phase_field = discretisation.set_phase_field(np.clip(ahead, np.minimum(image, 0.0), np.maximum(image, 1.0)))
+        phase_field = discretisation.set_phase_field(ahead)
     return StepOutcome("stalled", history_field, settings.largest_iterations, f"{iteration} staggered iterations")
 
 

@@ -98,9 +98,17 @@ class Spring:
 @pytest.mark.parametrize("force", [1.0, -1.0])
 def test_newton_passes_a_kink(force):
     costs = Costs()
-    x = newton(Spring(force, 1e-4), np.array([-np.sign(force)]), 1e-12, costs)
+    x = newton(Spring(force, 1e-4), np.array([-np.sign(force)]), 1e-12, 1e-12, costs)
     assert x[0] == pytest.approx(1e4 if force > 0 else -1.0)
     assert costs.count["loose_equilibria"] == 0
+
+
+@pytest.mark.parametrize(("miss", "corrections"), [(1e-3, 1), (1e-8, 0)])
+def test_newton_corrects_once_what_only_the_looser_tolerance_would_leave(miss, corrections):
+    costs = Costs()
+    x = newton(Spring(-1.0, 1e-4), np.array([-1.0 + miss]), 1e-2, 1e-6, costs)
+    assert costs.count["newton"] == corrections
+    assert x[0] == pytest.approx(-1.0, abs=1e-6)
 
 
 def test_newton_says_when_there_is_no_equilibrium():
@@ -109,7 +117,7 @@ def test_newton_says_when_there_is_no_equilibrium():
             return np.zeros_like(x)
 
     with pytest.raises(NewtonError, match="no equilibrium"):
-        newton(Nowhere(1.0, 1.0), np.array([0.3]), 1e-9, Costs())
+        newton(Nowhere(1.0, 1.0), np.array([0.3]), 1e-9, 1e-9, Costs())
 
 
 def iterations_to_rest(memory, matrix, limit):
