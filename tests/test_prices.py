@@ -162,7 +162,8 @@ def test_an_accuracy_that_is_no_share_is_told(case_file: Path, text: str, capsys
 def synthetic_runs() -> pd.DataFrame:
     """Measured runs that follow the model exactly."""
     truth: calibration.Constants = {
-        "iterations": {"split": 12.0, "cyclic": 30.0, "fracture": 9.0, "elastic": 1.5, "passes": 2.0, "at_rest": 1.0},
+        "iterations": {"split": 12.0, "cyclic": 30.0, "fracture": 9.0, "elastic": 1.5, "passes": 2.0, "at_rest": 1.0,
+                       "uniform": 0.1},
         "fem": {"per_run": 0.3, "per_iteration": 2e-3, "per_unknown": 2e-6, "per_factor": 3e-9},
         "mpm": {"per_run": 0.2, "per_iteration": 3e-3, "per_unknown": 3e-6, "per_factor": 4e-9},
         "explicit": {
@@ -175,7 +176,7 @@ def synthetic_runs() -> pd.DataFrame:
     sizes = ((500, 10, 1, 0.5), (5000, 40, 2, 4.0), (60000, 20, 3, 1.0))
     kinds = (*calibration.KINDS, *calibration.MOVING_KINDS)
     for number, (solver, kind, (n, steps, order, width)) in enumerate(itertools.product(("fem", "mpm"), kinds, sizes)):
-        demand = calibration.Demand(kind, solver, order, 1, steps, n, 2 * n + 100 * number, width, 0.7)
+        demand = calibration.Demand(kind, solver, order, 1, steps, n, 2 * n + 100 * number, width, 0.7, 0.2)
         cost = calibration.predict(demand, truth)
         row = {"case": f"case{number % 5}", "tier": "quick", "run": solver, **asdict(demand), "counted_unknowns": n}
         rows.append(row | asdict(cost))

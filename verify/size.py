@@ -11,7 +11,7 @@ from cases.spacing import grid_lines
 @dataclass(frozen=True)
 class Size:
     """Predicted sizes of one run; ``unknowns`` are those of the displacement, ``increments`` may be
-    steps in time, ``breaking`` is the share of the cells that lie in a body that can break."""
+    steps in time, ``breaking`` and ``rigid`` are the shares of the cells in bodies that can break and that stay rigid."""
 
     solver: str
     cells: int
@@ -20,6 +20,7 @@ class Size:
     unknowns_phase_field: int
     increments: int
     breaking: float
+    rigid: float
 
 
 def size_of(case: Case, run_name: str) -> Size:
@@ -34,7 +35,11 @@ def size_of(case: Case, run_name: str) -> Size:
     phase_field = (4 if smooth else 1) * functions if case.fracture_enabled else 0
     points = cells * _points_per_cell(case, solver, triangles)
     steps = _increments(case) if case.dynamics is None else _time_steps(case)
-    return Size(solver, cells, points, 2 * functions, phase_field, steps, _breaking(case, x_lines, y_lines))
+    breaking = [case.materials[body.material].fracture is not None for body in case.bodies.values()]
+    rigid = [body.rigid for body in case.bodies.values()]
+    body = np.asarray(case.inside(_centres(x_lines, y_lines)))
+    shares = np.array([breaking, rigid], float)[:, body[body >= 0]].mean(axis=1)
+    return Size(solver, cells, points, 2 * functions, phase_field, steps, *map(float, shares))
 
 
 def fourth_order(case: Case) -> bool:
@@ -61,13 +66,6 @@ def _centres(x_lines: np.ndarray, y_lines: np.ndarray) -> np.ndarray:
     """(n_x n_y, 2): centres of all cells."""
     x, y = (0.5 * (lines[1:] + lines[:-1]) for lines in (x_lines, y_lines))
     return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
-def _breaking(case: Case, x_lines: np.ndarray, y_lines: np.ndarray) -> float:
-    """Share of the filled cells whose body can break."""
-    body = np.asarray(case.inside(_centres(x_lines, y_lines)))
-    can_break = np.array([case.materials[one.material].fracture is not None for one in case.bodies.values()])
-    return float(can_break[body[body >= 0]].mean()) if (body >= 0).any() else 0.0
 
 
 def _within(points: np.ndarray, start: np.ndarray, end: np.ndarray, width: float) -> np.ndarray:
