@@ -58,11 +58,14 @@ def test_the_functions_of_a_cell_go_on_beyond_it_as_polynomials():
     assert values.min() < 0.0
 
 
+WIDE_CRACK = {"materials": {"steel": {"fracture": {"length_scale": 0.2}}}}
+
+
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_slit_separates_the_sides_and_closes_at_its_tip(variant, order):
     """A jump across the slit can be represented behind the tip, and none ahead of it."""
     case = variant("sen_tension", mesh={"h": 0.1, "coarse": 0.1, "fine": {"lower": [0, 0], "upper": [1, 1]}},
-                   mpm={"order": order}, materials={"steel": {"fracture": {"length_scale": 0.2}}})  # fmt: skip
+                   mpm={"order": order}, **WIDE_CRACK)  # fmt: skip
     grid = Grid(case)
     step = (grid.nodes[:, 1] > 0.5).astype(float)
     above = grid.node_number[:, int(np.searchsorted(grid.axes[1].knots, 0.5 - 1e-9))]
@@ -84,3 +87,17 @@ def test_inclined_slit_is_refused_with_a_remedy(variant):
     notch = [{"kind": "slit", "start": [0.0, 0.4], "end": [0.5, 0.5]}]
     with pytest.raises(GridError, match="axis-parallel"):
         Grid(variant("sen_tension", notches=notch))
+
+
+@pytest.mark.parametrize(("order", "cells"), [(1, 1), (2, 2), (3, 3)])
+def test_left_out_cells_that_functions_reach_across_are_refused(variant, order, cells):
+    def grid(width):
+        notch = {"kind": "cells", "start": [0.0, 0.5], "end": [0.5, 0.5], "width": width}
+        mesh = {"h": 0.1, "coarse": 0.1, "fine": {"lower": [0, 0], "upper": [1, 1]}}
+        return Grid(variant("sen_tension", notches=[notch], mesh=mesh, mpm={"order": order}, **WIDE_CRACK))
+
+    grid(0.1 * cells)
+    if order > 1:
+        with pytest.raises(GridError, match=rf"notches\[0\].width = {0.1 * (cells - 1):g}: .* reach across"):
+            grid(0.1 * (cells - 1))
+
