@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -19,6 +20,8 @@ from cases.units import Number
 TierName = Literal["quick", "standard", "paper"]
 TIERS: tuple[TierName, ...] = ("quick", "standard", "paper")
 Scalar = bool | int | float | str
+#: behind the name of a family of runs: each of them
+EACH = "[*]"
 # Values of a sweep stand in the names of runs and these in the names of folders.
 _LABEL = re.compile(r"[A-Za-z0-9_.+-]+")
 
@@ -181,8 +184,9 @@ class Check(Table):
 
     Attributes
     ----------
-    run : run or family of runs that the metric is taken from
-    against : a run, "baseline", "reference:NAME", "value:NUMBER", "exact" or "none"
+    run : run or family of runs that the metric is taken from; "FAMILY[*]" stands for a check of each of its runs
+    against : a run, "baseline", "reference:NAME", "value:NUMBER", "exact" or "none"; a run "OTHER[*]" is that of the
+        same sweep values
     measure : "relative": |value - target|/|target| <= limit; "absolute": |value - target| <= limit;
         against none: |value| <= limit
     tiers : in which the check applies
@@ -208,6 +212,17 @@ class Check(Table):
         if colon and kind in ("value", "reference"):
             return kind, rest.strip()
         return (self.against, "") if self.against in ("baseline", "exact", "none") else ("run", self.against)
+
+    def each(self, specs: Iterable[RunSpec]) -> list[Check]:
+        """The check, or one for each run of its family where it is of all; itself where there is no such family."""
+        family = self.run.removesuffix(EACH)
+        labels = [spec.name.removeprefix(family) for spec in specs if spec.family == family and spec.sweep_values]
+        if family == self.run or not labels:
+            return [self]
+        return [
+            self.model_copy(update={"run": family + label, "against": self.against.replace(EACH, label)})
+            for label in labels
+        ]
 
     @field_validator("against")
     @classmethod

@@ -388,8 +388,9 @@ class CaseDescription(Table):
         _only_known(tables, changeable_tables(), place, "may not be varied")
 
     def applying_checks(self) -> list[tuple[int, Check]]:
-        """Checks with their numbers."""
-        return list(enumerate(self.checks))
+        """Checks with their numbers, those of all runs of a family taken apart."""
+        specs = self.run_specs().values()
+        return [(number, each) for number, check in enumerate(self.checks) for each in check.each(specs)]
 
     def _reference_has_the_metric(self, name: str, metric: str, key: str) -> None:
         _defined(name, list(self.references), key, "reference", f"reference:{name}")
@@ -420,7 +421,7 @@ class Case(CaseDescription):
 
     def applying_checks(self) -> list[tuple[int, Check]]:
         """Checks of this tier, which may have runs of its own, with their numbers."""
-        return [(number, check) for number, check in enumerate(self.checks) if self.tier in check.tiers]
+        return [(number, check) for number, check in super().applying_checks() if self.tier in check.tiers]
 
     def hash(self) -> str:
         """First 16 hexadecimal digits of the SHA-256 of what is computed.

@@ -17,6 +17,8 @@ from cases.material import Fracture
 
 #: directions over half a turn between which extremes and changes of sign are looked for
 _SAMPLES = 1440
+#: relative difference of energies that are equal but for round-off
+_SAME_ENERGY = 1e-9
 
 
 def rotation(angle: float) -> NDArray:
@@ -118,6 +120,12 @@ class SurfaceEnergy:
         least, largest = int(np.argmin(energies)), int(np.argmax(energies))
         return (float(energies[least]), float(stationary[least])), (float(energies[largest]), float(stationary[largest]))
 
+    def weak_directions(self) -> NDArray:
+        """Directions θ (n,) in [0, π) of the least 𝒢c; all of them stationary ones."""
+        stationary = self._stationary_directions()
+        energies = self.energy(stationary)
+        return stationary[energies <= energies.min() * (1.0 + _SAME_ENERGY)]
+
     def _stationary_directions(self) -> NDArray:
         theta = np.arange(_SAMPLES) * np.pi / _SAMPLES
         return np.concatenate([[0.0], _zeros(lambda t: self._derivatives(t)[1], theta)])
@@ -141,8 +149,9 @@ class SurfaceEnergy:
 
 
 def _zeros(function, samples: NDArray) -> NDArray:
-    """Changes of sign (n,) of a function of period π, between samples."""
+    """Zeros (n,) of a function of period π: samples that are zero, and changes of sign between samples."""
     ends = np.append(samples, np.pi)
     values = function(ends)
     crossing = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    return np.array([brentq(function, ends[i], ends[i + 1], xtol=1e-12) for i in crossing])
+    between = [brentq(function, ends[i], ends[i + 1], xtol=1e-12) for i in crossing]
+    return np.sort(np.concatenate([samples[values[:-1] == 0.0], between]))

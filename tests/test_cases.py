@@ -188,6 +188,24 @@ def test_sweeps_expand_to_named_runs(toy_file: Path) -> None:
     assert (spec.solver, spec.family, spec.sweep_values) == ("fem", "levels", {"mesh.h": 0.05})
 
 
+def test_a_check_of_each_run_of_a_sweep_is_taken_apart_at_every_tier(toy_file: Path) -> None:
+    sweep = {"solver": "mpm", "sweep": {"mesh.h": [0.05, 0.025]}}
+    check = {"metric": "peak_force", "run": "points[*]", "against": "levels[*]", "limit": 0.01, "reason": "both alike"}
+    checks, coarsest = [check, check | {"against": "value:1"}], {"sweep": {"mesh.h": [0.05]}}
+    tables = toy(runs__points=sweep, checks=checks, tiers__quick__runs__points=coarsest)
+    pairs = [(number, each.run, each.against) for number, each in case_from_tables(tables).applying_checks()]
+    assert pairs == [
+        (0, "points[h=0.05]", "levels[h=0.05]"),
+        (0, "points[h=0.025]", "levels[h=0.025]"),
+        (1, "points[h=0.05]", "value:1"),
+        (1, "points[h=0.025]", "value:1"),
+    ]
+    with pytest.raises(CaseError, match=r"checks\[0\].run' = 'point\[\*\]' is not a run of this case"):
+        case_from_tables(toy(runs__points=sweep, checks=[check | {"run": "point[*]"}]))
+    with pytest.raises(CaseError, match=r"checks\[0\].against' = 'levels\[h=0.025\]' is not a run"):
+        case_from_tables(toy(runs__points=sweep, checks=checks))
+
+
 def test_sweeps_of_two_keys_take_every_combination() -> None:
     sweep = {"mesh.h": [0.05, 0.025], "mpm.order": [1, 2]}
     case = case_from_tables(toy(runs__grid={"solver": "mpm", "sweep": sweep}))

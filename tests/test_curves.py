@@ -299,6 +299,18 @@ def test_crack_angle_in_a_layer_leaves_the_other_layers_out():
         METRICS["crack_angle_in_layer"](run, lower=4.0, upper=5.0)
 
 
+@pytest.mark.parametrize(("angle", "off"), [(23.0, 3.0), (-157.0, 3.0), (115.0, 5.0), (110.0 + 180.0, 0.0)])
+def test_crack_is_off_the_nearest_of_the_weak_directions(variant, angle, off):
+    tip = (np.cos(np.radians(angle)), np.sin(np.radians(angle)))
+    run = run_of(curve(), path=[(0.0, 0.0), tip])
+    turned = {"solid": {"fracture": {"orientation": 20.0}}}
+    run.case.materials = variant("square_plate_anisotropic", materials=turned).materials
+    assert METRICS["angle_off_weak_direction"](run) == pytest.approx(off, abs=0.01)
+    run.case.materials = variant("sen_tension").materials
+    with pytest.raises(MetricError, match="no weak direction"):
+        METRICS["angle_off_weak_direction"](run)
+
+
 def test_crack_turn_is_what_is_missing_of_the_turn():
     reference = run_of(curve(), path=[(0.0, 0.0), (-1.0, 0.01)])
     run = run_of(curve(), path=[(0.0, 0.0), (-1.0, -1.0)])

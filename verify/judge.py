@@ -133,8 +133,8 @@ def checks_of(case: Case) -> list[Check]:
     JudgeError : a check that no result could ever answer.
     """
     applying = case.applying_checks()
-    for number, _ in applying:
-        require_sense(case, number)
+    for number, check in applying:
+        require_sense(case, number, check)
     return [check for _, check in applying]
 
 

@@ -214,17 +214,31 @@ def _tip(reference: Array, phase_field: Array, case: Case) -> Array:
     return np.asarray(case.notches[0].end, dtype=float)
 
 
+def _surface_energy(run: RunData, material: str) -> SurfaceEnergy:
+    """Of the material that is named, or of the first one."""
+    name = material or next(iter(run.case.materials))
+    described = run.case.materials.get(name)
+    if described is None or described.fracture is None:
+        known = ", ".join(run.case.materials)
+        raise MetricError(f"metric surface_energy: material {name!r} cannot break; choose one of {known}")
+    return SurfaceEnergy.of(described.fracture)
+
+
 def _surface_energy_extreme(which: int) -> Callable[..., float]:
     def value(run: RunData, *, material: str = "") -> float:
-        """Of the material that is named, or of the first one."""
-        name = material or next(iter(run.case.materials))
-        described = run.case.materials.get(name)
-        if described is None or described.fracture is None:
-            known = ", ".join(run.case.materials)
-            raise MetricError(f"metric surface_energy: material {name!r} cannot break; choose one of {known}")
-        return SurfaceEnergy.of(described.fracture).extremes()[which][0]
+        return _surface_energy(run, material).extremes()[which][0]
 
     return value
+
+
+def angle_off_weak_direction(run: RunData, *, material: str = "") -> float:
+    """Degrees, 0 to 90, from the crack path to the nearest direction of the material's least surface energy."""
+    energy = _surface_energy(run, material)
+    (least, _), (largest, _) = energy.extremes()
+    if math.isclose(least, largest, rel_tol=1e-6):
+        raise MetricError(f"run {run.info.get('run', '')}: its material has no weak direction; judge the crack_angle")
+    off = paths.path_angle(_crack(run)) - np.degrees(energy.weak_directions())
+    return float(np.abs((off + 90.0) % 180.0 - 90.0).min())
 
 
 def measure(run: RunData, *, name: str) -> float:
@@ -364,6 +378,9 @@ METRICS = _registry(
     Metric("crack_length", "length", "length of the crack path", crack_length),
     Metric("crack_angle", "degree", "overall direction of the crack path", _of_crack(paths.path_angle)),
     Metric("crack_angle_in_layer", "degree", "direction of the crack in a layer", crack_angle_in_layer),
+    Metric(
+        "angle_off_weak_direction", "degree", "crack path from the nearest weak direction", angle_off_weak_direction
+    ),
     Metric("tip_x", "length", "x of the crack tip", _of_crack(lambda path: paths.tip_position(path)[0])),
     Metric("tip_y", "length", "y of the crack tip", _of_crack(lambda path: paths.tip_position(path)[1])),
     Metric("initiation_time", "time", "when the crack set out", running_cracks.initiation_time),

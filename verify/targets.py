@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cases import Case, Check
+from cases.judging import EACH
 from physics.exact import SOLUTIONS
 from verify.curves import Curve
 from verify.metrics import METRICS, PAIR_METRICS, SWEEP_METRICS, MetricError, find_metric
@@ -19,15 +20,14 @@ class JudgeError(Exception):
     """Something asked for cannot be judged; its text is one sentence with place, value and remedy."""
 
 
-def require_sense(case: Case, number: int) -> None:
-    """Refuse a check that no result could ever answer.
+def require_sense(case: Case, number: int, check: Check) -> None:
+    """Refuse a check that no result could ever answer; ``number`` is its place in the case file.
 
     Raises
     ------
     JudgeError : unknown metric or parameter, or a metric of one run, two or a sweep in the wrong place.
     """
-    check = case.checks[number]
-    _require_metric(case, number)
+    _require_metric(case, number, check)
     members = members_of(case, check.run)
     kind, name = check.target
     where = f"{case.source}: checks[{number}]"
@@ -36,17 +36,21 @@ def require_sense(case: Case, number: int) -> None:
             f"{where}.against: {check.metric} needs another run or curve, not {check.against!r}."
         )
     if check.metric not in SWEEP_METRICS and members != [check.run]:
-        raise JudgeError(f"{where}.run: {check.run!r} is a sweep; name one of {', '.join(members)}.")
+        raise JudgeError(f"{where}.run: {check.run!r} is a sweep; name {_choice(check.run, members)}.")
     if check.metric in SWEEP_METRICS and kind in ("run", "exact"):
         raise JudgeError(f"{where}.against: {check.metric} of a sweep needs a value, not {check.against!r}.")
     if kind == "run" and members_of(case, name) != [name]:
         raise JudgeError(
-            f"{where}.against: {name!r} is a sweep; name one of {', '.join(members_of(case, name))}."
+            f"{where}.against: {name!r} is a sweep; name {_choice(name, members_of(case, name))}."
         )
 
 
-def _require_metric(case: Case, number: int) -> None:
-    check, where = case.checks[number], f"{case.source}: checks[{number}]"
+def _choice(family: str, members: list[str]) -> str:
+    return f"all of them, {family + EACH!r}, or one: {', '.join(members)}"
+
+
+def _require_metric(case: Case, number: int, check: Check) -> None:
+    where = f"{case.source}: checks[{number}]"
     try:
         metric = find_metric(check.metric)
     except MetricError as error:
