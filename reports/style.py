@@ -90,7 +90,7 @@ def save(figure: Figure, folder: Path, name: str) -> str:
     """Write ``folder/name.svg`` without date or program version; return the file's name."""
     file = folder / f"{name}.svg"
     folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
+    figure.savefig(file, bbox_inches="tight", dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
     return file.name
 
 

@@ -223,12 +223,12 @@ def _relative(shapes: list[dict[str, float]], values: pd.Series, weight: pd.Seri
     size = scaled.max(axis=0)
     scaled /= size
     start, _ = nnls(scaled * share[:, None], share)
-    best = least_squares(
-        lambda logarithm: share * np.log(scaled @ np.exp(logarithm)),
-        np.log(np.maximum(start, LEAST_SHARE * start.max())),
-        loss="soft_l1",
-        f_scale=USUAL_ERROR,
-    )
+
+    def errors(logarithms: np.ndarray) -> np.ndarray:
+        return share * np.log(scaled @ np.exp(logarithms))
+
+    first = np.log(np.maximum(start, LEAST_SHARE * start.max()))
+    best = least_squares(errors, first, loss="soft_l1", f_scale=USUAL_ERROR)
     return {str(name): float(value) for name, value in zip(table.columns, np.exp(best.x) / size, strict=True)}
 
 
