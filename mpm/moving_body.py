@@ -21,6 +21,8 @@ from .placement import PointCloud
 
 #: nodes of a window beyond which a body has come apart over the whole neighbourhood
 MOST_NODES = 50_000_000
+#: share of a body's moment of inertia about the window's corner that is lost in the difference to its middle's
+ROUND_OFF = 1e-14
 #: cells of the window around the body's points
 MARGIN = DRIFT + 1
 
@@ -400,7 +402,9 @@ class MovingBody:
         mass, x, y, square, momentum_x, momentum_y, turning, energy = parts.sum(axis=0)
         middle = np.array([x, y]) / mass
         inertia = square - mass * float(middle @ middle)
-        spin = (turning - float(middle[0] * momentum_y - middle[1] * momentum_x)) / (self.h * inertia)
+        turning -= float(middle[0] * momentum_y - middle[1] * momentum_x)
+        # a single point has no spin
+        spin = turning / (self.h * inertia) if inertia > ROUND_OFF * square else 0.0
         place = self.origin + self.h * (self.corner + middle)
         return Motion(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
 
