@@ -185,6 +185,7 @@ class Check(Table):
     Attributes
     ----------
     run : run or family of runs that the metric is taken from; "FAMILY[*]" stands for a check of each of its runs
+    but : sweep values, such as "h=0.1", of the runs that a check of each leaves out
     against : a run, "baseline", "reference:NAME", "value:NUMBER", "exact" or "none"; a run "OTHER[*]" is that of the
         same sweep values
     measure : "relative": |value - target|/|target| <= limit; "absolute": |value - target| <= limit;
@@ -197,6 +198,7 @@ class Check(Table):
 
     metric: Name
     run: str
+    but: tuple[str, ...] = ()
     against: str
     measure: Literal["relative", "absolute"] = "relative"
     limit: Annotated[Number, Field(ge=0)]
@@ -222,6 +224,7 @@ class Check(Table):
         return [
             self.model_copy(update={"run": family + label, "against": self.against.replace(EACH, label)})
             for label in labels
+            if label.strip("[]") not in self.but
         ]
 
     @field_validator("against")

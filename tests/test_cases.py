@@ -200,6 +200,9 @@ def test_a_check_of_each_run_of_a_sweep_is_taken_apart_at_every_tier(toy_file: P
         (1, "points[h=0.05]", "value:1"),
         (1, "points[h=0.025]", "value:1"),
     ]
+    tables = toy(runs__points=sweep, checks=[check | {"but": ["h=0.05"]}], tiers__quick__runs__points=coarsest)
+    assert [each.run for _, each in case_from_tables(tables).applying_checks()] == ["points[h=0.025]"]
+    assert not case_from_tables(tables, "quick").applying_checks()
     with pytest.raises(CaseError, match=r"checks\[0\].run' = 'point\[\*\]' is not a run of this case"):
         case_from_tables(toy(runs__points=sweep, checks=[check | {"run": "point[*]"}]))
     with pytest.raises(CaseError, match=r"checks\[0\].against' = 'levels\[h=0.025\]' is not a run"):
