@@ -207,12 +207,12 @@ def fit(table: pd.DataFrame) -> Constants:
     names = pd.Series([name for name, _ in known], table.index)
     shapes = pd.Series([shape for _, shape in known], table.index)
     for name, part in shapes.groupby(names):
-        fitted[str(name)] |= _relative(list(part), table.loc[part.index, "seconds"], weight[part.index])
-    fitted["memory"] |= _relative([_memory_shapes(d) for d in _demands(table)], table["memory_mb"], weight)
+        fitted[str(name)] |= _coefficients(list(part), table.loc[part.index, "seconds"], weight[part.index])
+    fitted["memory"] |= _coefficients([_memory_shapes(d) for d in _demands(table)], table["memory_mb"], weight)
     return fitted
 
 
-def _relative(shapes: list[dict[str, float]], values: pd.Series, weight: pd.Series) -> dict[str, float]:
+def _coefficients(shapes: list[dict[str, float]], values: pd.Series, weight: pd.Series) -> dict[str, float]:
     """Positive coefficients of the least weighted errors as factors, few of them large; none of shapes that no run has.
 
     Begins with those of the least relative errors, which have one minimum.

@@ -38,7 +38,8 @@ def size_of(case: Case, run_name: str) -> Size:
     breaking = [case.materials[body.material].fracture is not None for body in case.bodies.values()]
     rigid = [body.rigid for body in case.bodies.values()]
     body = np.asarray(case.inside(_centres(x_lines, y_lines)))
-    shares = np.array([breaking, rigid], float)[:, body[body >= 0]].mean(axis=1)
+    of_cells = np.array([breaking, rigid], float)[:, body[body >= 0]]
+    shares = of_cells.sum(axis=1) / max(1, of_cells.shape[1])
     return Size(solver, cells, points, 2 * functions, phase_field, steps, *map(float, shares))
 
 
