@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +25,8 @@ MARKERS = "osD^vP"
 def accuracy_against_cost(results: CaseResults, folder: Path) -> list[style.Drawing]:
     """Draw every chart that has been made of the case."""
     home = results.out / "charts" / results.name / results.tier
-    tables = [file for file in sorted(home.glob("*.csv")) if not re.search(r"-(slopes|choices)$|^times$", file.stem)]
+    # the figure's own numbers may lie there too
+    tables = [file.with_name(file.name.replace("-choices", "")) for file in sorted(home.glob("*-choices.csv"))]
     titles = {name: chart.title for name, chart in results.case.charts.items()} if results.case else {}
     return [draw_chart(file, folder, titles.get(file.stem, "")) for file in tables]
 
