@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.ticker import NullFormatter
 
 from verify.charts import choice_sentence
+from verify.studies import MADE_BEFORE, is_of_state, state_of
 
 from . import style
 from .words import listed, number
@@ -27,12 +28,13 @@ def accuracy_against_cost(results: CaseResults, folder: Path) -> list[style.Draw
     home = results.out / "charts" / results.name / results.tier
     # the figure's own numbers may lie there too
     tables = [file.with_name(file.name.replace("-choices", "")) for file in sorted(home.glob("*-choices.csv"))]
-    titles = {name: chart.title for name, chart in results.case.charts.items()} if results.case else {}
-    return [draw_chart(file, folder, titles.get(file.stem, "")) for file in tables]
+    described = results.case.charts if results.case else {}
+    states = {name: state_of(results.case, chart) for name, chart in described.items()} if results.case else {}
+    return [draw_chart(file, folder, described[file.stem].title, states[file.stem]) for file in tables if file.stem in states]
 
 
-def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
-    """Draw one chart from its table, with the slopes and choices beside it.
+def draw_chart(file: Path, folder: Path, title: str = "", state: str | None = None) -> style.Drawing:
+    """Draw one chart from its table, with the slopes and choices beside it; the caption says if it is of another state.
 
     A row of axes for each quantity: its error over processor time and over counted work.
     """
@@ -55,7 +57,7 @@ def draw_chart(file: Path, folder: Path, title: str = "") -> style.Drawing:
     figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=min(len(drawn), 4))
     name = f"chart-{style.slug(file.stem)}"
     title = f"Accuracy against cost: {title or file.stem}"
-    return style.drawing(figure, folder, name, title, _caption(file, table), table)
+    return style.drawing(figure, folder, name, title, _caption(file, table, state), table)
 
 
 def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, str]) -> None:
@@ -83,15 +85,27 @@ def _draw_uncertainty(axis: Any, part: pd.DataFrame) -> None:
         axis.set_ylim(limits)
 
 
-def _caption(file: Path, table: pd.DataFrame) -> str:
+def _caption(file: Path, table: pd.DataFrame, state: str | None) -> str:
     choices = pd.read_csv(file.with_name(f"{file.stem}-choices.csv"))
     slopes = pd.read_csv(file.with_name(f"{file.stem}-slopes.csv"))
     together = choices[choices["quantity"] == "all quantities"]
     chosen = together if len(together) else choices
-    parts = [choice_sentence(choice) for _, choice in chosen.iterrows()]
-    parts += [_orders(slopes), _failures(table)]
-    parts.append(f"Least processor time of {int(table['repeats'].fillna(0).min())} or more runs, compilation apart.")
+    parts = [] if state is None or is_of_state(table, state) else [MADE_BEFORE]
+    parts += [choice_sentence(choice) for _, choice in chosen.iterrows()]
+    parts += [_own_targets(table), _orders(slopes), _failures(table)]
+    repeats = table["repeats"].dropna()
+    parts.append(f"Least processor time of {repeats.min():.0f} or more runs, compilation apart." if len(repeats) else "")
     return " ".join(part for part in parts if part)
+
+
+def _own_targets(table: pd.DataFrame) -> str:
+    """Quantities whose exact value is another one at every level, such as the toughness that a mesh sees."""
+    said = []
+    for quantity, values in table.dropna(subset=["reference"]).groupby("quantity", sort=False)["reference"]:
+        if values.nunique() > 1:
+            spread = f"{number(values.min(), 3)} to {number(values.max(), 3)}"
+            said.append(f"Each level's {str(quantity).replace('_', ' ')} is held against its own exact value, {spread}.")
+    return " ".join(said)
 
 
 def _orders(slopes: pd.DataFrame) -> str:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from verify.studies import MADE_BEFORE, is_of_state, state_of
+
 from . import style
 from .words import listed, number, plural
 
@@ -21,10 +23,10 @@ FAILURES = {
     "energy drift": ("#E69F00", "E"),
     "blew up": ("#D55E00", "×"),
     "no convergence": ("#CC79A7", "–"),
-    "numerical fracture": ("#D55E00", "/"),
+    "numerical fracture": ("#7B3294", "/"),
     "timeout": ("#8a8f98", "T"),
     "not possible": ("#eceef1", ""),
-    "slides": ("#E69F00", ""),
+    "slides": ("#F0E442", ""),
 }
 GOOD = ("stable", "holds")
 #: a power that is no surer than this is not told
@@ -35,16 +37,20 @@ ACCURATE = ("#0072B2", "#56B4E9", "#A6D3F0", "#D6EAF8")
 def where_it_fails(results: CaseResults, folder: Path) -> list[style.Drawing]:
     """Draw every map that has been made of the case and that it still describes."""
     home = results.out / "maps" / results.name / results.tier
-    described = results.case.maps if results.case else {}
+    if results.case is None:
+        return []
     return [
-        draw_map(home / f"{name}.csv", folder, chosen)
-        for name, chosen in described.items()
+        draw_map(home / f"{name}.csv", folder, chosen, state_of(results.case, chosen))
+        for name, chosen in results.case.maps.items()
         if (home / f"{name}.csv").is_file()
     ]
 
 
-def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
-    """Draw one map from its table: a field for each cell, dots for bisected ones, the theory's border as a line."""
+def draw_map(file: Path, folder: Path, chosen: Map, state: str | None = None) -> style.Drawing:
+    """Draw one map from its table: a field for each cell, dots for bisected ones, the theory's border as a line.
+
+    The caption says if the table is of another state.
+    """
     table, borders = pd.read_csv(file), pd.read_csv(file.with_name(f"{file.stem}-borders.csv"))
     columns, rows = (list(dict.fromkeys(table.loc[~table["bisected"], axis])) for axis in ("x", "y"))
     colours = _colours(table)
@@ -63,7 +69,8 @@ def draw_map(file: Path, folder: Path, chosen: Map) -> style.Drawing:
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     name = f"map-{style.slug(file.stem)}"
     title = f"Where it fails: {chosen.title or file.stem}"
-    caption = f"{_caption(table, borders)}{_powers(file.with_name(f'{file.stem}-powers.csv'), chosen)}"
+    before = "" if state is None or is_of_state(table, state) else f"{MADE_BEFORE} "
+    caption = f"{before}{_caption(table, borders)}{_powers(file.with_name(f'{file.stem}-powers.csv'), chosen)}"
     return style.drawing(figure, folder, name, title, caption, table)
 
 

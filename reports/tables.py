@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from verify.prices import read_prices
+from cases import load_case
+from verify.prices import current_prices
 from verify.run_folder import GOOD_STATUSES
 
 from . import style
@@ -121,12 +122,14 @@ def _milliseconds(run: RunResults) -> str:
 
 
 def price_rows(results: CaseResults) -> list[dict[str, str]]:
-    """Return what each saving of each run spares and changes, as recorded beside the baseline for this tier."""
+    """Return what each saving of each run spares and changes, as recorded for this tier and the case as it stands."""
     if results.case is None:
         return []
-    prices = read_prices(results.case)
-    groups = prices[prices["tier"] == results.tier].groupby(["run", "saving"], sort=False)
-    return [_price_row(results, str(run), str(saving), rows) for (run, saving), rows in groups]
+    rows, case = [], results.case
+    for run in (name for name, spec in case.run_specs().items() if not spec.sweep_values):
+        prices = current_prices(load_case(case.source, results.tier, run), run)
+        rows += [_price_row(results, run, str(saving), each) for saving, each in prices.groupby("saving", sort=False)]
+    return rows
 
 
 def _price_row(results: CaseResults, run: str, saving: str, rows: pd.DataFrame) -> dict[str, str]:

@@ -127,6 +127,51 @@ def test_the_cheapest_level_is_chosen_and_an_accident_is_not() -> None:
     assert said == f"For 0.1 % in peak force no level is accurate enough: {least}."
 
 
+def test_levels_that_failed_are_not_taken_for_the_finest() -> None:
+    table = table_of(("graded", 0.2, 1.0, 0.03), ("graded", 0.1, 2.0, math.nan))
+    (chosen,) = [row for _, row in choices(table, {"graded": "mesh.h"}, [0.05]).iterrows()]
+    said = choice_sentence(chosen)
+    assert said == "For 5 % in peak force no level is accurate enough: the finest have no result."
+
+
+def test_of_all_quantities_each_has_its_own_uncertainty() -> None:
+    sure = table_of(("graded", 0.2, 1.0, 0.009))
+    unsure = table_of(("graded", 0.2, 1.0, 0.001)).assign(quantity="crack_length", uncertainty=0.005)
+    chosen = choices(pd.concat([sure, unsure]), {"graded": "mesh.h"}, [0.01]).set_index("quantity")
+    assert (chosen["at"] == 0.2).all(), "0.9 % and 0.1 % + 0.5 % are both within 1 %"
+
+
+def test_a_curve_is_held_against_the_exact_one_without_a_reference(tmp_path: Path) -> None:
+    tables = """exact = "homogeneous_bar"
+[charts.increments]
+quantities = [{ metric = "curve_l2_whole" }]
+[charts.increments.ladders.fem]
+run = "fem"
+levels = { "load.increment" = [0.002, 0.001] }
+"""
+    source = fake_solver.write_case(tmp_path / "square", tables)
+    source.write_text(tables.split("[", 1)[0] + fake_solver.CASE + "[" + tables.split("[", 1)[1])
+    case = load_case(source, "quick")
+    (file,) = make_charts(case, Options(tmp_path / "out"))
+    table = pd.read_csv(file)
+    assert (table["error"] > 0.0).all() and (table["reference"] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("quantity", "words"),
+    [
+        ('{ metric = "curve_l2_whole", value = 1.0 }', "compares two runs and has no value"),
+        ('{ metric = "path_mean_distance" }', "add the table 'reference' with finer levels."),
+    ],
+)
+def test_a_metric_of_two_runs_needs_a_second_one(case_file: Path, tmp_path: Path, quantity: str, words: str) -> None:
+    text = case_file.read_text().replace('{ metric = "peak_force" }', quantity)
+    start, end = text.index("[charts.spacing.reference]"), text.index("[charts.spacing.ladders.fem_ladder]")
+    case_file.write_text(text[:start] + text[end:])
+    with pytest.raises(StudyError, match=words):
+        make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
+
+
 def test_the_reference_must_be_surer_than_the_target() -> None:
     table = table_of(("graded", 0.1, 1.0, 0.001)).assign(uncertainty=0.02)
     assert choices(table, {"graded": "mesh.h"}, [0.01])["ladder"].tolist() == [""]
@@ -240,6 +285,12 @@ def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_
         drawings = [*accuracy_against_cost(results, tmp_path / "figures"), *where_it_fails(results, tmp_path / "figures")]
     assert [drawing.name for drawing in drawings] == ["chart-spacing", "map-spacing"]
     assert "For 5 % in all quantities choose" in drawings[0].caption and "2 cells: 2 stable" in drawings[1].caption
+    assert not any("another state" in drawing.caption for drawing in drawings)
+    other = load_case(fake_solver.write_case(tmp_path / "square", CHART.replace("0.002", "0.001"), MAP), "quick")
+    results.__dict__["case"] = other
+    with drawing_style():
+        (chart,) = accuracy_against_cost(results, tmp_path / "again")
+    assert chart.caption.startswith("Made with another state of case or code:")
     for drawing in drawings:
         assert (tmp_path / "figures" / drawing.file).is_file() and (tmp_path / "figures" / str(drawing.data)).is_file()
 

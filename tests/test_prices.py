@@ -15,7 +15,7 @@ from cases import list_cases, load_case
 from reports.tables import price_rows
 from verify import calibration, cli, running
 from verify.plan import plan
-from verify.prices import COLUMNS, PRICES_FILE, chosen_savings, price, price_of, read_prices
+from verify.prices import COLUMNS, PRICES_FILE, chosen_savings, costs_of_savings, price, read_prices
 from verify.savings import all_off, savings
 from verify.size import size_of
 from verify.studies import Options, StudyError
@@ -106,9 +106,22 @@ def test_recorded_prices_stay_for_other_tiers_and_runs(priced: pd.DataFrame, cas
     price(case, Options(tmp_path / "out"), ["fem"], record=True)
     recorded = read_prices(case)
     assert recorded.groupby("tier").size().tolist() == [len(priced), len(priced)]
-    assert price_of(recorded, "standard", "fem", "graded grid") == pytest.approx(0.02)
-    assert np.isnan(price_of(recorded, "standard", "mpm", "graded grid"))
-    assert np.isnan(price_of(recorded, "paper", "fem", "graded grid")), "a price holds at its own tier only"
+
+    def cost(tier: str, run: str) -> float:
+        return costs_of_savings(load_case(case_file, tier, run), run)["graded grid"]
+
+    assert cost("standard", "fem") == pytest.approx(0.02)
+    assert np.isnan(cost("standard", "mpm"))
+    assert np.isnan(cost("paper", "fem")), "a price holds at its own tier only"
+
+
+def test_a_price_of_another_state_of_the_case_is_no_price(priced: pd.DataFrame, case_file: Path) -> None:
+    case_file.write_text(case_file.read_text().replace("[0.75, 0.75]", "[0.8, 0.8]"))
+    case = load_case(case_file, "quick", "fem")
+    planned = plan(case, "fem", 0.01)
+    assert not planned.change and "graded grid" in planned.unpriced and "verify price square" in planned.unpriced
+    assert plan(case, "fem").unpriced == ""
+    assert price_rows(SimpleNamespace(case=case, tier="quick")) == []
 
 
 @pytest.mark.parametrize(("accuracy", "used"), [(0.01, False), (0.05, True)])
@@ -126,19 +139,23 @@ def test_the_plan_switches_off_what_costs_too_much(
 def test_the_dearest_saving_goes_where_all_together_cost_too_much(case_file: Path) -> None:
     prices = pd.DataFrame({"saving": ["graded grid", "adaptive increments", "accelerated staggering"]})
     prices["change"], prices["tier"], prices["run"] = [0.006, -0.007, 0.0], "quick", "fem"
-    prices.reindex(columns=list(COLUMNS)).to_csv(case_file.parent / PRICES_FILE, index=False)
     case = load_case(case_file, "quick", "fem")
+    prices["case_hash"] = case.hash()
+    prices.reindex(columns=list(COLUMNS)).to_csv(case_file.parent / PRICES_FILE, index=False)
     (dear,), (reason,) = chosen_savings(case, "fem", 0.01)
     assert dear.name == "adaptive increments"
     assert reason == "costs 0.7 %, 1.3 % with the others, of 1 % wanted"
     assert chosen_savings(case, "fem", 0.014) == ((), ())
 
 
-def test_a_run_follows_the_plan(priced: pd.DataFrame, case_file: Path, tmp_path: Path) -> None:
+def test_a_run_follows_the_plan(
+    priced: pd.DataFrame, case_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as ended:
         asked = ["run", str(case_file), "--tier", "quick", "--run", "fem", "--accuracy", "1%"]
         cli.main([*asked, "--out", str(tmp_path / "o")])
     assert ended.value.code == 0
+    assert "graded grid off: it costs 2 %, of 1 % wanted" in capsys.readouterr().out
     (record,) = (tmp_path / "o").rglob("run.json")
     assert json.loads(record.read_text())["change"]["mesh"]["fine"]["lower"] == [0.0, 0.0]
 
@@ -209,3 +226,15 @@ def test_the_plan_says_that_a_box_which_follows_the_crack_grows(case_file: Path)
     follows = {"mesh": {"follow_crack": True}}
     assert any("grow with it" in note for note in plan(load_case(case_file, "quick", "fem", follows), "fem").notes)
     assert not any("grow with it" in note for note in plan(load_case(case_file, "quick", "fem"), "fem").notes)
+
+
+def test_the_plan_of_a_moving_case_names_what_it_is_spared() -> None:
+    planned = plan(load_case("rolling_cylinder", "quick", "mu030"), "mu030")
+    assert "plate: rigid" in planned.bodies
+    on = {saving.name: saving.reason for saving in planned.savings if saving.used}
+    assert "plate" in on["rigid bodies"] and "plate" in on["no phase field where nothing breaks"]
+    assert not any("increment" in saving.name for saving in planned.savings), "its steps in time are constant"
+    breaking = plan(load_case("plate_impact", "quick", "fem"), "fem")
+    window = next(saving for saving in breaking.savings if saving.name == "phase field only where it changes")
+    everywhere = load_case("plate_impact", "quick", "fem", all_off((window,)))
+    assert window.used and not {s.name: s.used for s in savings(everywhere)}[window.name]

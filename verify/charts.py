@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cases import Case
+from cases import Case, Check
 from cases.judging import merge
 from cases.studies import Chart, Quantity, Varied, coordinates
 from verify.atomic import write_table
@@ -25,6 +25,7 @@ from verify.metrics import PAIR_METRICS, find_metric, fitted_order
 from verify.provenance import source_hash
 from verify.run_folder import RunFolder
 from verify.studies import (
+    MADE_BEFORE,
     NO_VALUE,
     Options,
     StudyError,
@@ -35,8 +36,10 @@ from verify.studies import (
     counted_work,
     finished_run,
     forecast,
+    is_of_state,
     processor_seconds,
     run_all,
+    state_of,
     text_of,
     variations,
 )
@@ -44,7 +47,7 @@ from verify.targets import target_of, value_of
 
 COLUMNS = (
     "ladder", "solver", "level", "at", "status", "seconds", "repeats", "warm_up", "unknowns", "work", "memory_mb",
-    "quantity", "value", "reference", "uncertainty", "error", "on_front", "folder",
+    "quantity", "value", "reference", "uncertainty", "error", "on_front", "folder", "state",
 )  # fmt: skip
 SLOPE_COLUMNS = ("quantity", "ladder", "solver", "over", "order", "cost_slope", "levels")
 CHOICE_COLUMNS = (
@@ -174,11 +177,16 @@ class ChartStudy:
             find_metric(quantity.metric)
         except NO_VALUE as error:
             raise StudyError(f"{place}: {error}") from error
+        of_two = quantity.metric in PAIR_METRICS
+        if of_two and quantity.value is not None:
+            raise StudyError(f"{place}: {quantity.metric} compares two runs and has no value of its own; leave it out.")
         exact = self.case.exact is not None or any(constraint.motion for constraint in self.case.constraints)
-        if self.chart.reference is None and quantity.value is None and not exact:
+        known = exact and not quantity.metric.startswith("path_")
+        if self.chart.reference is None and quantity.value is None and not known:
+            remedy = "" if of_two else ", or the quantity's 'value'"
             raise StudyError(
                 f"{place}: {quantity.metric} has nothing to be compared with; "
-                "add the table 'reference' with finer levels, or the quantity's 'value'."
+                f"add the table 'reference' with finer levels{remedy}."
             )
 
     @cached_property
@@ -230,7 +238,7 @@ class ChartStudy:
             target = self.target(quantity)
             for name, ladder in self.ladders.items():
                 rows += [self._row(name, level, quantity, target, times) for level in ladder]
-        table = pd.DataFrame(rows, columns=list(COLUMNS))
+        table = pd.DataFrame(rows, columns=list(COLUMNS)).assign(state=state_of(self.case, self.chart))
         table["on_front"] = _on_front(table)
         return table
 
@@ -257,28 +265,33 @@ class ChartStudy:
     ) -> dict[str, float]:
         """Value, reference, uncertainty and relative error; nothing where the run does not give them."""
         try:
-            if target is None:
-                target = Target(self._exact(quantity, run, level), 0.0)
             if quantity.metric in PAIR_METRICS:
-                assert target.finest is not None
-                distance = _distance(quantity, run, target.finest)
-                return {"value": distance, "reference": 0.0, "uncertainty": target.uncertainty, "error": distance}
-            value = _value(quantity, run)
+                distance, unsure = self._distance(quantity, run, level, target)
+                return {"value": distance, "reference": 0.0, "uncertainty": unsure, "error": distance}
+            value, target = _value(quantity, run), target or Target(self._exact(quantity, run, level), 0.0)
         except NO_VALUE:
             return {}
         size = abs(target.value)
         told = {"value": value, "reference": target.value, "uncertainty": target.uncertainty / size}
         return told | {"error": abs(value - target.value) / size}
 
+    def _distance(
+        self, quantity: Quantity, run: RunFolder, level: Variation, target: Target | None
+    ) -> tuple[float, float]:
+        """A metric of two runs, against the finest run or the exact curve, and how sure it is."""
+        if target is not None and target.finest is not None:
+            return _distance(quantity, run, target.finest), target.uncertainty
+        return value_of(self._exact_check(quantity, level), self.case, lambda _: run), 0.0
+
     def _exact(self, quantity: Quantity, run: RunFolder, level: Variation) -> float:
+        exact = target_of(self._exact_check(quantity, level), self.case, lambda _: run)
+        assert exact is not None, "only metrics of two runs have no value elsewhere"
+        return exact
+
+    def _exact_check(self, quantity: Quantity, level: Variation) -> Check:
         if self.chart.reference is not None:
             raise ValueError(f"charts.{self.name}.reference: a run of it did not end well")
-        check = check_of(quantity.metric, level.run, "exact", parameters=quantity.parameters)
-        if quantity.metric in PAIR_METRICS:
-            return value_of(check, self.case, lambda _: run)
-        exact = target_of(check, self.case, lambda _: run)
-        assert exact is not None
-        return exact
+        return check_of(quantity.metric, level.run, "exact", parameters=quantity.parameters)
 
     # ---- tables
 
@@ -287,7 +300,8 @@ class ChartStudy:
         table = self.table(times)
         folder = chart_folder(self.options.out, self.case)
         over = {name: next(iter(ladder.levels)) for name, ladder in self.chart.ladders.items()}
-        tables = {"": table, "-slopes": slopes(table, over), "-choices": choices(table, over, self.chart.targets)}
+        chosen = choices(table, over, self.chart.targets).assign(state=state_of(self.case, self.chart))
+        tables = {"": table, "-slopes": slopes(table, over), "-choices": chosen}
         for ending, part in tables.items():
             write_table(folder / f"{self.name}{ending}.csv", part)
         return folder / f"{self.name}.csv"
@@ -349,11 +363,13 @@ def choices(table: pd.DataFrame, over: dict[str, str], targets: Sequence[float])
     A level counts where it and all finer ones of its ladder keep the target, the reference's uncertainty included.
     """
     rows = []
+    failed = table["error"].fillna(math.inf)
+    table = table.assign(error=failed, bound=failed + table["uncertainty"].fillna(0.0))
     together = ["ladder", "solver", "level", "at", "seconds", "work"]
-    worst = table.assign(error=table["error"].fillna(math.inf)).groupby(together, sort=False, dropna=False)
-    merged = worst[["error", "uncertainty"]].max().reset_index().assign(quantity=ALL)
+    merged = table.groupby(together, sort=False, dropna=False)[["error", "bound"]].max().reset_index()
     several = table["quantity"].nunique() > 1
-    for quantity, part in pd.concat([table, merged] if several else [table]).groupby("quantity", sort=False):
+    parts = pd.concat([table, merged.assign(quantity=ALL)] if several else [table])
+    for quantity, part in parts.groupby("quantity", sort=False):
         for target in targets:
             rows.append((quantity, target, *_cheapest(part, over, target)))
     return pd.DataFrame(rows, columns=list(CHOICE_COLUMNS))
@@ -362,16 +378,16 @@ def choices(table: pd.DataFrame, over: dict[str, str], targets: Sequence[float])
 def _cheapest(part: pd.DataFrame, over: dict[str, str], target: float) -> tuple[Any, ...]:
     """Of all ladders the cheapest level within the target, and by how much the next best ladder costs more.
 
-    Where there is none, the least error of the finest levels with the reference's uncertainty.
+    Where there is none, the least error of the finest levels with the reference's uncertainty, infinite where they failed.
     """
-    part, found = part.assign(bound=part["error"] + part["uncertainty"].fillna(0.0)), []
+    found = []
     for ladder, levels in part.groupby("ladder", sort=False):
         kept = (levels["bound"] <= target).to_numpy()
         from_here = np.logical_and.accumulate(kept[::-1])[::-1]
         if from_here.any():
             found.append((str(ladder), levels[from_here].sort_values("seconds").iloc[0]))
     if not found:
-        return ("", "", "", math.nan, part.groupby("ladder")["bound"].last().min(), math.nan, math.nan, "", math.nan)
+        return ("", "", "", math.nan, part.groupby("ladder")["bound"].nth(-1).min(), math.nan, math.nan, "", math.nan)
     found.sort(key=lambda entry: entry[1]["seconds"])
     ladder, best = found[0]
     rival = next((entry for entry in found[1:] if entry[1]["solver"] == best["solver"]), None)
@@ -383,8 +399,9 @@ def choice_sentence(choice: pd.Series) -> str:
     """What to choose for one target, in words."""
     wanted = f"For {100 * choice['target']:g} % in {str(choice['quantity']).replace('_', ' ')}"
     if not isinstance(choice["ladder"], str) or not choice["ladder"]:
-        least = f": at the finest, error and the reference's uncertainty are {100 * choice['error']:.2g} %"
-        return f"{wanted} no level is accurate enough{least if math.isfinite(choice['error']) else ''}."
+        least = f"at the finest, error and the reference's uncertainty are {100 * choice['error']:.2g} %"
+        told = least if math.isfinite(choice["error"]) else "the finest have no result"
+        return f"{wanted} no level is accurate enough: {told}."
     short = str(choice["over"]).rpartition(".")[2]
     chosen = f"{wanted} choose {choice['ladder']} with {short} = {text_of(choice['at'])}"
     told = f"{chosen} (error {100 * choice['error']:.2g} %, {choice['seconds']:.2g} s)"
@@ -400,7 +417,8 @@ def recorded_choices(case: Case, out: Path, target: float) -> list[str]:
         file = chart_folder(out, case) / f"{name}-choices.csv"
         if file.is_file():
             table = pd.read_csv(file)
-            said += [choice_sentence(row) for _, row in table[np.isclose(table["target"], target)].iterrows()]
+            before = "" if is_of_state(table, state_of(case, case.charts[name])) else f"{MADE_BEFORE} "
+            said += [before + choice_sentence(row) for _, row in table[np.isclose(table["target"], target)].iterrows()]
     return said
 
 

@@ -202,8 +202,9 @@ def _plan_table(planned: Any) -> Table:
         table.add_row(what, value)
     for saving in planned.savings:
         table.add_row(saving.name, f"{'on' if saving.used else 'off'}: {saving.reason}")
-    for note in planned.notes:
-        table.add_row("note", note)
+    for note in (*planned.notes, planned.unpriced):
+        if note:
+            table.add_row("note", note)
     return table
 
 
@@ -275,9 +276,14 @@ def run_command(
     ]
     for job in todo:
         job.case()  # a mistake in the last case is told before the first run
-    if accuracy is not None:
-        todo = [replace(job, change=make_plan(job.case(), job.run, _share(accuracy)).change) for job in todo]
     console, failed = _console(), False
+    if accuracy is not None:
+        plans = [make_plan(job.case(), job.run, _share(accuracy)) for job in todo]
+        todo = [replace(job, change=planned.change) for job, planned in zip(todo, plans, strict=True)]
+        for job, planned in zip(todo, plans, strict=True):
+            off = [f"{name} off: it {why}" for name, why in planned.too_dear.items()]
+            for said in (*off, planned.unpriced):
+                console.print(f"{job.title}: {said}", markup=False, highlight=False) if said else None
     for outcome in outcomes(todo, jobs, cluster):
         console.print(f"{outcome.title}: {outcome.line}", markup=False, highlight=False)
         failed |= outcome.failed

@@ -1,12 +1,14 @@
 """What will be modelled before anything runs: sizes, increments, memory, time, and the savings in use."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 from cases import Case, load_case
 from cases.judging import merge
+from cases.schema import Body
 from verify.calibration import cost_of
-from verify.prices import chosen_savings, price_of, read_prices
+from verify.prices import chosen_savings, costs_of_savings
 from verify.savings import Saving, all_off, savings
 from verify.size import fourth_order, has_triangles, size_of
 
@@ -21,6 +23,8 @@ class Plan:
     """Predicted size and cost of one run; seconds and memory are rough (a factor of two).
 
     change : tables that the plan lays over the run, because savings are too dear for the accuracy wanted
+    too_dear : why, for each of them
+    unpriced : savings that are used without a recorded price, where an accuracy is wanted
     """
 
     case: str
@@ -44,6 +48,8 @@ class Plan:
     savings: tuple[Saving, ...]
     notes: tuple[str, ...]
     change: dict[str, Any]
+    too_dear: dict[str, str]
+    unpriced: str
 
 
 def plan(case: Case, run_name: str, accuracy: float | None = None) -> Plan:
@@ -52,8 +58,9 @@ def plan(case: Case, run_name: str, accuracy: float | None = None) -> Plan:
     accuracy : error allowed in each checked quantity; the dearest savings are switched off until the others together
         keep within it
     """
+    prices = costs_of_savings(case, run_name)
     dear, reasons = chosen_savings(case, run_name, accuracy) if accuracy else ((), ())
-    change = all_off(dear)
+    change, too_dear = all_off(dear), dict(zip((saving.name for saving in dear), reasons, strict=True))
     if change:
         case = load_case(case.source, case.tier, run_name, merge(case.change, change))
     size = size_of(case, run_name)
@@ -77,21 +84,30 @@ def plan(case: Case, run_name: str, accuracy: float | None = None) -> Plan:
         iterations=round(cost.iterations),
         memory_mb=cost.memory_mb,
         seconds=cost.seconds,
-        savings=_priced(case, run_name, dear, reasons),
+        savings=_priced(case, prices, too_dear),
         notes=_notes(case, accuracy),
         change=change,
+        too_dear=too_dear,
+        unpriced=_unpriced(case, prices) if accuracy else "",
     )
 
 
-def _priced(case: Case, run: str, dear: tuple[Saving, ...], reasons: tuple[str, ...]) -> tuple[Saving, ...]:
+def _priced(case: Case, prices: dict[str, float], too_dear: dict[str, str]) -> tuple[Saving, ...]:
     """All savings with their prices; those too dear are off, and say why."""
-    prices, off = read_prices(case), {saving.name: why for saving, why in zip(dear, reasons, strict=True)}
     told = []
     for saving in savings(case):
-        cost = price_of(prices, case.tier, run, saving.name)
-        said = f"{saving.reason}; measured price {100 * cost:.2g} %" if cost == cost else saving.reason
-        told.append(Saving(saving.name, saving.used and saving.name not in off, off.get(saving.name, said), saving.off))
+        cost = prices.get(saving.name, math.nan)
+        said = f"{saving.reason}; measured price {100 * cost:.2g} %" if math.isfinite(cost) else saving.reason
+        off = too_dear.get(saving.name)
+        told.append(Saving(saving.name, saving.used and off is None, off or said, saving.off))
     return tuple(told)
+
+
+def _unpriced(case: Case, prices: dict[str, float]) -> str:
+    """What the accuracy cannot be said to include."""
+    unknown = [name for name, cost in prices.items() if math.isnan(cost)]
+    remedy = f"`verify price {case.name} --tier {case.tier} --record` measures it"
+    return f"not priced as the case stands, so left on: {', '.join(unknown)}; {remedy}" if unknown else ""
 
 
 def _notes(case: Case, accuracy: float | None) -> tuple[str, ...]:
@@ -118,11 +134,13 @@ def _regime(case: Case) -> str:
 
 
 def _bodies(case: Case) -> str:
-    each = [
-        f"{name}: {'breaks' if case.materials[body.material].fracture else 'deforms, cannot break'}"
-        for name, body in case.bodies.items()
-    ]
-    return ", ".join(each)
+    return ", ".join(f"{name}: {_regime_of(case, body)}" for name, body in case.bodies.items())
+
+
+def _regime_of(case: Case, body: Body) -> str:
+    if body.rigid:
+        return "rigid"
+    return "breaks" if case.materials[body.material].fracture else "deforms, cannot break"
 
 
 def _basis(case: Case, solver: str) -> str:

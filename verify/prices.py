@@ -38,12 +38,14 @@ from verify.studies import (
 PRICES_FILE = "prices.csv"
 COLUMNS = (
     "tier", "run", "saving", "seconds_with", "seconds_without", "work_with", "work_without", "unknowns_with",
-    "unknowns_without", "quantity", "with", "without", "unit", "change", "status", "version",
+    "unknowns_without", "quantity", "with", "without", "unit", "change", "status", "version", "case_hash",
 )  # fmt: skip
 ALL_SAVINGS = "all savings"
 #: metrics of two runs that are priced: relative errors of a curve, and distances of crack paths
 RELATIVE = ("curve_l2_before_peak", "curve_l2_whole", "curve_l2_peak_normalised")
 PATHS = ("path_mean_distance", "path_mean_distance_over_h")
+#: told, but no share of anything: distances, and what the increments quantise
+NO_SHARE = (*PATHS, "displacement_at_peak")
 
 Tell = Callable[[str], None]
 
@@ -59,10 +61,10 @@ class Quantity:
         """Its value with and without the saving, and the relative change; not a number where there is none."""
         if self.metric in PAIR_METRICS:
             error = self._value(find_metric(self.metric), usual, without)
-            # distances of paths are told, but are no share of anything
-            return {"with": error, "without": 0.0, "change": error if self.metric in RELATIVE else math.nan}
+            return {"with": error, "without": 0.0, "change": math.nan if self.metric in NO_SHARE else error}
         with_it, without_it = (self._value(find_metric(self.metric), run) for run in (usual, without))
-        change = (with_it - without_it) / abs(without_it) if without_it else math.nan
+        is_share = without_it != 0.0 and self.metric not in NO_SHARE
+        change = (with_it - without_it) / abs(without_it) if is_share else math.nan
         return {"with": with_it, "without": without_it, "change": change}
 
     def _value(self, metric: Metric, *runs: RunFolder) -> float:
@@ -134,10 +136,21 @@ def read_prices(case: Case) -> pd.DataFrame:
     return table
 
 
-def price_of(prices: pd.DataFrame, tier: str, run: str, saving: str) -> float:
-    """Largest change of a checked quantity that a saving costs at this tier; not a number where it was not priced."""
-    rows = prices[(prices["tier"] == tier) & (prices["run"] == run) & (prices["saving"] == saving)]
-    return float(rows["change"].abs().max())
+def current_prices(case: Case, run: str) -> pd.DataFrame:
+    """Recorded prices of a run's savings, of its case as it stands.
+
+    case : with the run's changes merged in
+    """
+    prices = read_prices(case)
+    mine = (prices["tier"] == case.tier) & (prices["run"] == run) & (prices["case_hash"] == case.hash())
+    return prices[mine]
+
+
+def costs_of_savings(case: Case, run: str) -> dict[str, float]:
+    """Largest change of a checked quantity that each saving in use costs; not a number where that was not priced."""
+    prices = current_prices(case, run)
+    used = [saving.name for saving in savings(case) if saving.off]
+    return {name: float(prices.loc[prices["saving"] == name, "change"].abs().max()) for name in used}
 
 
 class _Priced:
@@ -174,6 +187,7 @@ class _Priced:
 
     def _rows_of(self, saving: str, usual: RunFolder, run: RunFolder | None) -> list[dict[str, Any]]:
         told: dict[str, Any] = {"tier": self.case.tier, "run": self.run, "saving": saving, "version": code_version()}
+        told["case_hash"] = usual.info["case_hash"]
         told |= _costs(usual, "with")
         if run is None or not run.good:
             return [told | {"status": run.info["status"] if run else "failed"}]
@@ -212,16 +226,15 @@ def chosen_savings(case: Case, run: str, accuracy: float) -> tuple[tuple[Saving,
     the others together are within the accuracy; savings that were not priced count for nothing.
     """
     used = {saving.name: saving for saving in savings(case) if saving.off}
-    prices = read_prices(case)
-    cost = {name: price_of(prices, case.tier, run, name) for name in used}
-    left = {name: value for name, value in cost.items() if value > 0.0}
+    left = {name: cost for name, cost in costs_of_savings(case, run).items() if cost > 0.0}
     dear, reasons = [], []
     while (together := sum(left.values())) > accuracy:
         name = max(left, key=lambda name: left[name])
-        others = f", {100 * together:.2g} % with the others" if together > left[name] else ""
         dear.append(used[name])
-        reasons.append(f"costs {100 * left.pop(name):.2g} %{others}, of {100 * accuracy:.2g} % wanted")
+        own, all_ = f"{100 * left.pop(name):.2g} %", f"{100 * together:.2g} %"
+        others = f", {all_} with the others" if all_ != own else ""
+        reasons.append(f"costs {own}{others}, of {100 * accuracy:.2g} % wanted")
     return tuple(dear), tuple(reasons)
 
 
-__all__ = ["PRICES_FILE", "chosen_savings", "price", "price_of", "read_prices"]
+__all__ = ["PRICES_FILE", "chosen_savings", "costs_of_savings", "current_prices", "price", "read_prices"]

@@ -27,8 +27,9 @@ class Saving:
 
 
 def savings(case: Case) -> tuple[Saving, ...]:
-    """All savings of a run's case, used or not."""
-    return tuple(rule(case) for rule in RULES)
+    """All savings that a run's case could have, used or not."""
+    rules = IN_TIME if case.dynamics is not None else QUASI_STATIC
+    return tuple(rule(case) for rule in (*rules, *ALWAYS))
 
 
 def all_off(chosen: tuple[Saving, ...]) -> Tables:
@@ -86,19 +87,41 @@ def _end_when_broken(case: Case) -> Saving:
     return Saving(name, True, reason, {"load": {"stop_when_broken": False}})
 
 
+def _phase_field_window(case: Case) -> Saving:
+    """What changes too little to matter is not solved again in a time step."""
+    name, limit = "phase field only where it changes", case.staggered.tolerance
+    if not case.fracture_enabled:
+        return Saving(name, False, "no material can break")
+    reason = f"a step solves it around the cells where it would change by more than {limit:g}"
+    return Saving(name, limit > EVERYWHERE, reason, {"staggered": {"tolerance": EVERYWHERE}})
+
+
+def _rigid_bodies(case: Case) -> Saving:
+    name = "rigid bodies"
+    rigid = [name for name, body in case.bodies.items() if body.rigid]
+    if not rigid:
+        return Saving(name, False, "every body deforms")
+    return Saving(name, True, f"no strains and no forces of {', '.join(rigid)}: kept at its velocity, whatever it meets")
+
+
 def _no_phase_field(case: Case) -> Saving:
     name = "no phase field where nothing breaks"
-    if case.fracture_enabled:
-        return Saving(name, False, "some material can break")
-    return Saving(name, True, "no material can break: no phase field is solved")
+    whole = [name for name, body in case.bodies.items() if case.materials[body.material].fracture is None]
+    if not whole:
+        return Saving(name, False, "every body can break")
+    return Saving(name, True, f"none is solved in {', '.join(whole)}, which cannot break")
 
 
+#: a tolerance of the moving phase field that leaves nothing out
+EVERYWHERE = 1e-12
+Rule = Callable[[Case], Saving]
 #: a further saving is one more function of the case
-RULES: tuple[Callable[[Case], Saving], ...] = (
+QUASI_STATIC: tuple[Rule, ...] = (
     _graded_grid,
     _elastic_prologue,
     _adaptive_increments,
     _accelerated_staggering,
     _end_when_broken,
-    _no_phase_field,
 )
+IN_TIME: tuple[Rule, ...] = (_graded_grid, _phase_field_window, _rigid_bodies)
+ALWAYS: tuple[Rule, ...] = (_no_phase_field,)

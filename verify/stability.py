@@ -39,6 +39,7 @@ from verify.studies import (
     finished_run,
     forecast,
     run_all,
+    state_of,
     text_of,
 )
 from verify.targets import target_of
@@ -107,6 +108,15 @@ def _torn(history: pd.DataFrame, fraction: float) -> int | None:
     return int(gone.to_numpy().argmax()) if growing and gone.any() else None
 
 
+def _fault(job: Job) -> str | None:
+    """Why the case of a job is no valid one."""
+    try:
+        job.case()
+    except CaseError as error:
+        return str(error)
+    return None
+
+
 def powers(table: pd.DataFrame) -> pd.DataFrame:
     """Least and largest error of each row of a map, and the power of x that fits its errors, with its standard error.
 
@@ -156,15 +166,14 @@ class MapStudy:
         """The run of a cell; None for a probe and for a cell that is no valid case."""
         if self.map.run is None:
             return None
+        job = self._job(cell)
+        return job if _fault(job) is None else None
+
+    def _job(self, cell: Cell) -> Job:
         tables = {key: value for key, value in cell.change.items() if key not in (RUN, REACHED.partition(".")[0])}
         label = f"{self.name} x={text_of(cell.x)} y={text_of(cell.y)}"
         run = str(cell.change.get(RUN, self.map.run))
-        job = Variation(label, run, tables).job(self.case, self.options, self.map.timeout)
-        try:
-            job.case()
-        except CaseError:
-            return None
-        return job
+        return Variation(label, run, tables).job(self.case, self.options, self.map.timeout)
 
     def jobs(self, cells: Sequence[Cell]) -> list[Job]:
         """The runs of cells, and the one that they are judged against."""
@@ -182,9 +191,10 @@ class MapStudy:
         if self.map.probe is not None:
             parameters = {key.replace(".", "_"): value for key, value in cell.change.items()}
             return self._judged_probe(PROBES[self.map.probe](self.case, **parameters))
-        job = self.job(cell)
-        if job is None:
-            return Verdict(NOT_POSSIBLE, reason="the case does not allow it")
+        job = self._job(cell)
+        fault = _fault(job)
+        if fault is not None:
+            return Verdict(NOT_POSSIBLE, reason=fault)
         run = finished_run(job)
         if run is None:
             return Verdict(BLEW_UP, reason="the run left no result")
@@ -260,6 +270,7 @@ class MapStudy:
         for _ in range(self.map.bisections):
             table = pd.concat([table, self._decided(self._between(table), tell)], ignore_index=True)
         folder = map_folder(self.options.out, self.case)
+        table = table.assign(state=state_of(self.case, self.map))
         for ending, part in {"": table, "-borders": self._borders(table), "-powers": powers(table)}.items():
             write_table(folder / f"{self.name}{ending}.csv", part)
         return folder / f"{self.name}.csv"

@@ -1,19 +1,23 @@
 """What charts, maps and prices share: variations of a case, run as ordinary run folders, and what they cost."""
 
+import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from cases import Case, Check
 from cases.judging import merge
-from cases.studies import Levels, coordinates, level_changes
+from cases.studies import Chart, Levels, Map, coordinates, level_changes
 from verify.calibration import cost_of
 from verify.cluster import worker_count
 from verify.curves import CurveError
 from verify.jobs import Job, Outcome, outcomes
 from verify.metrics import MetricError
+from verify.provenance import source_hash
 from verify.run_folder import RunFolder, RunFolderError
 from verify.size import size_of
 
@@ -21,6 +25,8 @@ from verify.size import size_of
 LONG = 600.0
 #: what a metric may raise where a run does not give it
 NO_VALUE = (MetricError, CurveError, RunFolderError, ValueError)
+#: before what a table says that was made with another case or code
+MADE_BEFORE = "Made with another state of case or code:"
 
 
 class StudyError(Exception):
@@ -86,6 +92,17 @@ def variations(label: str, run: str, change: dict[str, Any], levels: Levels) -> 
         Variation(f"{label} {short}={text_of(at)}", run, merge(change, level), at)
         for at, level in zip(coordinates(levels), level_changes(levels), strict=True)
     ]
+
+
+def state_of(case: Case, study: Chart | Map) -> str:
+    """16 hexadecimal digits that stand for case, chart or map, and code: tables with others were made before."""
+    parts = (case.hash(), study.model_dump_json(), source_hash())
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+
+
+def is_of_state(table: pd.DataFrame, state: str) -> bool:
+    """Whether a table of a chart or map was made with the case and code as they stand."""
+    return "state" in table and bool((table["state"] == state).all())
 
 
 def text_of(value: Any) -> str:
