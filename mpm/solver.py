@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from cases import Case
 from numerics.costs import Costs
@@ -392,16 +393,31 @@ class MaterialPoints:
         return self.state.displacement + np.einsum("pa,pai->pi", self._value_at_points, self._increment[nodes])
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
-        """Newton step -K^-1 R with the consistent tangent (Eqs. 3.59, A.6)."""
+        """Newton step -K^-1 R."""
         with self.costs.timed("assembly"):
-            active = self._active
-            kernels.tangents(
-                active.starts, active.members, self._slope, self._volume,
-                self._gradient, np.maximum(self._g, TORN_STIFFNESS), *self._law, self._local,
-            )  # fmt: skip
-            values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
-            self._penalties.add_stiffness(self._pattern, values)
+            values = self._tangent()
         return self._solver.solve(values, -residual)
+
+    def _tangent(self) -> NDArray:
+        """Stored entries of the consistent tangent K of the trial state (Eqs. 3.59, A.6)."""
+        active = self._active
+        kernels.tangents(
+            active.starts, active.members, self._slope, self._volume,
+            self._gradient, np.maximum(self._g, TORN_STIFFNESS), *self._law, self._local,
+        )  # fmt: skip
+        values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
+        self._penalties.add_stiffness(self._pattern, values)
+        return values
+
+    def first_stiffness(self) -> csr_matrix:
+        """Stiffness (n, n) [force/length] of the whole, unloaded body with its constraints, where points see the grid."""
+        self.begin_step()
+        self._g = np.ones(len(self._c))
+        self.residual(np.zeros(self._size))
+        tied = np.arange(self._size - len(self._tied), self._size)
+        seen = np.union1d(self._equations[self._unknowns[self._active.cell]], tied)
+        seen = seen[seen >= 0]
+        return self._pattern.full(self._tangent())[seen][:, seen]
 
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state and carry the points with it."""

@@ -19,6 +19,8 @@ from cases.material import Fracture
 _SAMPLES = 1440
 #: relative difference of energies that are equal but for round-off
 _SAME_ENERGY = 1e-9
+#: share of γ's largest entry below which γ_θ is round-off
+_NO_GAMMA = 1e-14
 
 
 def rotation(angle: float) -> NDArray:
@@ -103,15 +105,19 @@ class SurfaceEnergy:
         return self.toughness * np.sqrt(1.0 + np.sqrt(self.directional_gamma(theta)))
 
     def stiffness(self, theta: ArrayLike) -> NDArray:
-        """Surface stiffness 𝒢c'' + 𝒢c (n,) [force/length] (Eq. 5.18); negative where a crack is forbidden."""
+        """Surface stiffness 𝒢c'' + 𝒢c (n,) [force/length] (Eq. 5.18); negative where a crack is forbidden.
+
+        Infinite where γ_θ is zero without being so everywhere: 𝒢c has a kink there, such as that of a weakest direction.
+        """
         gamma, first, second = self._derivatives(theta)
         if not self.gamma.any():
             return self.energy(theta)
-        root = np.sqrt(np.maximum(gamma, np.finfo(float).tiny))
+        is_kink = gamma <= _NO_GAMMA * np.abs(self.gamma).max()
+        root = np.sqrt(np.where(is_kink, 1.0, gamma))
         f = np.sqrt(1.0 + root)
         slope = 0.25 / (root * f)
         bend = -slope * (0.5 / root**2 + 0.25 / (root * f * f))
-        return self.toughness * (slope * second + bend * first**2 + f)
+        return np.where(is_kink, np.inf, self.toughness * (slope * second + bend * first**2 + f))
 
     def extremes(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Least and largest 𝒢c over all directions: (𝒢c, θ) of each, θ in [0, π)."""
@@ -128,7 +134,7 @@ class SurfaceEnergy:
 
     def _stationary_directions(self) -> NDArray:
         theta = np.arange(_SAMPLES) * np.pi / _SAMPLES
-        return np.concatenate([[0.0], _zeros(lambda t: self._derivatives(t)[1], theta)])
+        return np.unique(np.concatenate([[0.0], _zeros(lambda t: self._derivatives(t)[1], theta)]))
 
     def forbidden(self) -> list[tuple[float, float]]:
         """Intervals of θ within [0, π] in which no crack runs, because the surface stiffness is negative."""

@@ -44,6 +44,7 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
 )
 # The same for a case whose bodies move.
 MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
+    ("Surface energy", surface.surface_energy),
     ("Motion", film.film),
     ("Energies", motion.energies),
     ("Crack tips", motion.tip_speed),

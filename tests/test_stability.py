@@ -104,6 +104,15 @@ def with_columns(**columns: object):
     return increments
 
 
+def test_a_cell_that_is_no_valid_case_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_solver.install(monkeypatch)
+    path = write_map(tmp_path, x='x = { "mesh.h" = [0.1, -1.0] }')
+    (file,) = make_maps(load_case(path, "quick"), Options(tmp_path / "out"))
+    table, _ = read(file)
+    refused = table[table["x"] < 0.0]
+    assert (refused["verdict"] == "not possible").all() and refused["reason"].str.contains("mesh.h").all()
+
+
 def test_energy_that_drifts_away_is_a_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drifting = with_columns(external_work=lambda u: u, elastic_energy=lambda u: u - max(0.0, u - 0.005))
     fake_solver.install(monkeypatch, drifting)
@@ -290,6 +299,26 @@ def test_points_that_travel_end_the_convergence_of_hat_functions_and_not_that_of
     for distance, part in quadratic.items():
         assert (orders(part[part.index * distance <= 1 / 7]) > 1.8).all()
         assert distance == 0.0 or part[256] < 0.01 * linear.loc[256, distance]
+
+
+def test_the_noise_of_the_stress_under_crossing_points_falls_with_the_order_of_the_basis() -> None:
+    case = load_case("homogeneous_bar", "quick", "mpm")
+    noise = {
+        order: [probes.crossed_bar(case, cells=64, distance=d, order=order, of="strain").error for d in (0.0, 0.005)]
+        for order in (1, 2, 3)
+    }
+    assert noise[1][1] > 10 * noise[1][0] and noise[1][1] > 50 * noise[2][1]
+    assert noise[3][1] < 1.1 * noise[3][0], "what cubic splines have at rest comes from their ends"
+
+
+def test_the_condition_grows_with_the_penalty_and_the_square_of_the_cells() -> None:
+    case = load_case("cantilever", "quick", "mpm")
+
+    def number(penalty: float, h: float) -> float:
+        return probes.condition(case, mpm_penalty=penalty, mesh_h=h).value
+
+    assert number(1e8, 0.1) / number(1e4, 0.1) == pytest.approx(1e4, rel=0.01)
+    assert number(1e4, 0.025) / number(1e4, 0.05) == pytest.approx(4.0, rel=0.15)
 
 
 def test_a_map_states_the_power_that_fits_its_errors() -> None:

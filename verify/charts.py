@@ -378,7 +378,7 @@ def choices(table: pd.DataFrame, over: dict[str, str], targets: Sequence[float])
 def _cheapest(part: pd.DataFrame, over: dict[str, str], target: float) -> tuple[Any, ...]:
     """Of all ladders the cheapest level within the target, and by how much the next best ladder costs more.
 
-    Where there is none, the least error of the finest levels with the reference's uncertainty, infinite where they failed.
+    Where there is none, the least error of the finest levels with the reference's uncertainty; infinite if they failed.
     """
     found = []
     for ladder, levels in part.groupby("ladder", sort=False):

@@ -9,10 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 from cases import Case
 from mpm.explicit import ExplicitMaterialPoints
 from mpm.explicit_kernels import turned_strain
+from mpm.solver import MaterialPoints
 from mpm.splines import Axis
 from numerics.explicit import instants
 from physics.exact_motion import sliding_distance
@@ -55,8 +57,10 @@ def _largest_inner_force(positions: NDArray, spacing: float, order: int) -> floa
     return float(np.abs(forces[MIDDLE[0] : MIDDLE[1]]).max())
 
 
-def crossed_bar(case: Case, *, cells: int, distance: float, order: int) -> Verdict:
+def crossed_bar(case: Case, *, cells: int, distance: float, order: int, of: str = "displacement") -> Verdict:
     """Error of a bar's displacement u = sin(pi x) under its body force, over its size, both root mean squares.
+
+    of : "displacement", or "strain" for that of the points: the noise of their stress
 
     Its points, two in a cell of the start, have travelled by distance sin(2 pi X) lengths, so that its held ends stay
     where they are while points cross the cells between them.
@@ -75,9 +79,28 @@ def crossed_bar(case: Case, *, cells: int, distance: float, order: int) -> Verdi
     np.add.at(force, functions, values * (np.pi**2 * exact * volumes)[:, None])
     solution = np.zeros(axis.n_functions)
     solution[1:-1] = np.linalg.solve(stiffness[1:-1, 1:-1], force[1:-1])  # the outermost functions are the ends' own
+    if of == "strain":
+        values, exact = slopes, np.pi * np.cos(np.pi * positions)
     found = (values * solution[functions]).sum(axis=1)
     error = float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
     return Verdict(STABLE, value=error, error=error)
+
+
+# --------------------------------------------------------------------------------------------- penalty
+
+
+def condition(case: Case, *, mpm_penalty: float, mesh_h: float) -> Verdict:
+    """Condition number of the case's stiffness with its constraints, and the error that round-off may make of it.
+
+    The value is an estimate in the 1-norm; the error is that times the spacing of numbers of double precision.
+    """
+    mpm = case.mpm.model_copy(update={"penalty": mpm_penalty, "constraints_on": "edges"})
+    mesh = case.mesh.model_copy(update={"h": mesh_h})
+    matrix = MaterialPoints(case.model_copy(update={"mpm": mpm, "mesh": mesh})).first_stiffness().tocsc()
+    solve = splu(matrix).solve
+    inverse = LinearOperator(matrix.shape, matvec=solve, rmatvec=solve)  # of a symmetric matrix
+    number = float(onenormest(matrix) * onenormest(inverse))
+    return Verdict(STABLE, value=number, error=number * float(np.finfo(float).eps))
 
 
 # -------------------------------------------------------------------------------------------- rotation
@@ -140,5 +163,6 @@ def _tilted(case: Case, friction: float, slope: float, time: float) -> Case:
 
 
 PROBES: dict[str, Callable[..., Verdict]] = {
-    probe.__name__: probe for probe in (explicit_step, cell_crossing, crossed_bar, turned_stress, incline, krylov)
+    probe.__name__: probe
+    for probe in (explicit_step, cell_crossing, crossed_bar, condition, turned_stress, incline, krylov)
 }

@@ -218,17 +218,18 @@ class MapStudy:
         told["reason"] = "" if wanted is not None else told["reason"]
         drift = self._drift(history)
         if drift is not None:
-            why = {"reason": f"energy drift above {self.map.drift:g} of the work"}
+            why = {"reason": f"energy drift above {self.map.drift:g} of work and energy"}
             return Verdict(DRIFT, **_at(history, drift), **(told | why))
         return self._judged_run(run, _at(history) | told)
 
     def _drift(self, history: pd.DataFrame) -> int | None:
-        """First step at which more of the work than allowed became no energy."""
+        """First step at which more than allowed of the work and of the energy at the start became no energy."""
         if self.map.drift is None:
             return None
-        gains = history[["W_ext", "E_el", "E_frac", "E_kin"]] - history[["W_ext", "E_el", "E_frac", "E_kin"]].iloc[0]
-        lost = (gains["W_ext"] - gains[["E_el", "E_frac", "E_kin"]].sum(axis=1)).abs()
-        above = (lost > self.map.drift * gains["W_ext"].abs().max()).to_numpy()
+        energy = history[["E_el", "E_frac", "E_kin"]].sum(axis=1)
+        work = history["W_ext"] - history["W_ext"].iloc[0]
+        lost = (work - (energy - energy.iloc[0])).abs()
+        above = (lost > self.map.drift * (work.abs().max() + energy.iloc[0])).to_numpy()
         return int(above.argmax()) if above.any() else None
 
     def _judged_run(self, run: RunFolder, told: dict[str, Any]) -> Verdict:
