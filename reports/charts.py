@@ -25,12 +25,14 @@ MARKERS = "osD^vP"
 
 def accuracy_against_cost(results: CaseResults, folder: Path) -> list[style.Drawing]:
     """Draw every chart that has been made of the case."""
+    if results.case is None:
+        return []
     home = results.out / "charts" / results.name / results.tier
-    # the figure's own numbers may lie there too
-    tables = [file.with_name(file.name.replace("-choices", "")) for file in sorted(home.glob("*-choices.csv"))]
-    described = results.case.charts if results.case else {}
-    states = {name: state_of(results.case, chart) for name, chart in described.items()} if results.case else {}
-    return [draw_chart(file, folder, described[file.stem].title, states[file.stem]) for file in tables if file.stem in states]
+    return [
+        draw_chart(home / f"{name}.csv", folder, chart.title, state_of(results.case, chart))
+        for name, chart in results.case.charts.items()
+        if (home / f"{name}-choices.csv").is_file()
+    ]
 
 
 def draw_chart(file: Path, folder: Path, title: str = "", state: str | None = None) -> style.Drawing:
