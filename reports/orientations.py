@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from cases import load_case
+
 from . import style
 from .curves import peak_row
 from .words import listed, number
@@ -14,21 +16,33 @@ from .words import listed, number
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from cases import Case
+
     from .results import CaseResults
 
 KEY = "orientation"
 
 
 def critical_load_table(results: CaseResults) -> pd.DataFrame:
-    """Peak force of each run of a sweep over an orientation: columns family, solver, orientation, peak_force."""
+    """Peak force of each run of a sweep over an orientation: columns family, solver, orientation, peak_force.
+
+    Families with the same solver and materials go on under the name of the first one.
+    """
     specs = results.case.run_specs() if results.case else {}
-    rows = []
+    rows, names = [], {}
     for run in results.shown_runs():
         spec = specs.get(run.name)
         swept = {key.rpartition(".")[2]: value for key, value in (spec.sweep_values if spec else {}).items()}
-        if spec and list(swept) == [KEY]:
-            rows.append((spec.family, run.solver, float(swept[KEY]), float(peak_row(run.history)["F"])))
+        if results.case and spec and list(swept) == [KEY]:
+            name = names.setdefault((run.solver, _materials(results.case, run.name)), spec.family)
+            rows.append((name, run.solver, float(swept[KEY]), float(peak_row(run.history)["F"])))
     return pd.DataFrame(rows, columns=["family", "solver", KEY, "peak_force"])
+
+
+def _materials(case: Case, run: str) -> str:
+    """The materials of a run but for their orientation."""
+    materials = load_case(case.source, case.tier, run).materials
+    return "".join(f"{name}{material.model_dump(exclude={'fracture': {KEY}})}" for name, material in materials.items())
 
 
 def critical_load(results: CaseResults, folder: Path) -> style.Drawing | None:

@@ -234,6 +234,22 @@ def test_critical_loads_are_drawn_over_orientation_with_their_asymmetry(tmp_path
     assert dict(zip(table["orientation"], table["peak_force"], strict=True)) == loads
 
 
+def test_a_family_that_goes_on_under_another_name_is_one_line(tmp_path: Path) -> None:
+    """At paper the material points' negative orientations are a family of their own."""
+    runs = [
+        SimpleNamespace(name=name, solver="mpm", history=pd.DataFrame({"u": [0.0, 1.0], "F": [0.0, load]}))
+        for name, load in {
+            "mpm_cubic[orientation=40]": 100.0, "mpm_cubic_upper[orientation=-40]": 102.0,
+            "mpm_orthotropic[orientation=40]": 110.0,
+        }.items()
+    ]  # fmt: skip
+    case = load_case("square_plate_anisotropic", "paper")
+    results: Any = SimpleNamespace(case=case, shown_runs=lambda: runs, unit=lambda quantity: "kN")
+    drawing = orientations.critical_load(results, tmp_path)
+    assert drawing is not None and "opposite: 2 % (mpm_cubic)" in drawing.caption
+    assert set(pd.read_csv(tmp_path / str(drawing.data))["family"]) == {"mpm_cubic", "mpm_orthotropic"}
+
+
 def test_surface_energies_belong_to_cases_of_fourth_order(tmp_path: Path) -> None:
     page: Any = SimpleNamespace(case=load_case("layered_beam", "quick"))
     with style.drawing_style():
