@@ -187,7 +187,7 @@ def synthetic_runs() -> pd.DataFrame:
             "per_run": 0.3, "per_step": 1e-3, "per_solve": 2e-3,
             "explicit_elastic": 1e-7, "explicit_fracture": 2e-7, "explicit_smooth": 7e-7,
         },
-        "memory": {"libraries": 400.0, "per_unknown": 2e-3, "per_point": 5e-4},
+        "memory": {"libraries": 400.0, "per_point": 5e-4, "per_factor": 2e-4},
     }  # fmt: skip
     rows = []
     sizes = ((500, 10, 1, 0.5), (5000, 40, 2, 4.0), (60000, 20, 3, 1.0))

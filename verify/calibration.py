@@ -1,4 +1,7 @@
-"""What runs cost: a small model whose constants are fitted to finished run folders and kept in ``costs.toml``."""
+"""What runs cost: a small model whose constants are fitted to finished run folders and kept in ``costs.toml``.
+
+The runs that they were fitted to lie beside it, in ``costs.csv``.
+"""
 
 import functools
 import math
@@ -16,6 +19,7 @@ from verify.run_folder import RunFolder, RunFolderError
 from verify.size import Size, fourth_order, size_of
 
 COSTS_FILE = Path(__file__).with_name("costs.toml")
+RUNS_FILE = COSTS_FILE.with_suffix(".csv")
 #: what is solved, from which the number of iterations in an increment follows
 KINDS = ("at_rest", "uniform", "elastic", "passes", "fracture", "split", "cyclic")
 #: the same for steps in time: nothing breaks, phase field of order 2, of order 4
@@ -103,12 +107,16 @@ def _shapes(demand: Demand, iterations: float) -> tuple[str, dict[str, float]]:
     """What processor seconds are a sum of, by the names of the constants, and the table of these."""
     if demand.kind in MOVING_KINDS:
         return "explicit", _moving_shapes(demand)
-    # a function is coupled to (2 p + 1)² others, nine for a linear basis
-    coupled = demand.unknowns * (2 * demand.order + 1) ** 2 / 9.0
+    coupled = _coupled(demand)
     if demand.solver == "gmres":  # each system takes so long that nothing else counts
         return "gmres", {"per_unknown": coupled * iterations}
     shapes = {"per_iteration": 1.0, "per_unknown": coupled, "per_factor": coupled * math.sqrt(demand.unknowns)}
     return demand.solver, {"per_run": 1.0} | {name: shape * iterations for name, shape in shapes.items()}
+
+
+def _coupled(demand: Demand) -> float:
+    """Unknowns times what each is coupled to, over that of a linear basis: (2 p + 1)² others, nine of a linear one."""
+    return demand.unknowns * (2 * demand.order + 1) ** 2 / 9.0
 
 
 def _moving_shapes(demand: Demand) -> dict[str, float]:
@@ -125,7 +133,10 @@ def _moving_shapes(demand: Demand) -> dict[str, float]:
 
 
 def _memory_shapes(demand: Demand) -> dict[str, float]:
-    return {"libraries": 1.0, "per_unknown": demand.unknowns, "per_point": demand.points}
+    """Libraries, points, and the factor of the matrix where there is one, which fills in with the logarithm of its size."""
+    factored = demand.kind not in MOVING_KINDS
+    filled = factored * _coupled(demand) * math.log2(max(demand.unknowns, 2))
+    return {"libraries": 1.0, "per_point": demand.points, "per_factor": filled}
 
 
 def kind_of(case: Case) -> str:
@@ -232,12 +243,13 @@ def _coefficients(shapes: list[dict[str, float]], values: pd.Series, weight: pd.
     return {str(name): float(value) for name, value in zip(table.columns, np.exp(best.x) / size, strict=True)}
 
 
-def write_constants(fitted: Constants) -> None:
-    """Keep fitted constants for all later plans."""
+def write_constants(fitted: Constants, table: pd.DataFrame) -> None:
+    """Keep fitted constants for all later plans, and the measured runs that they come from."""
     lines = ["# fitted to finished runs by `verify calibrate`; processor seconds on one thread, memory in MB"]
     for name, part in fitted.items():
         lines += ["", f"[{name}]", *(f"{key} = {value:.4e}" for key, value in part.items())]
     write_text(COSTS_FILE, "\n".join(lines) + "\n")
+    write_text(RUNS_FILE, table.to_csv(index=False, float_format="%.5g"))
     constants.cache_clear()
 
 

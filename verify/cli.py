@@ -507,7 +507,7 @@ def _price_table(prices: pd.DataFrame) -> Table:
 @app.command()
 def calibrate(
     out: OutOption = DEFAULT_OUT,
-    write: Annotated[bool, typer.Option("--write", help="keep the constants in verify/costs.toml")] = False,
+    write: Annotated[bool, typer.Option("--write", help="keep constants and runs in verify/costs.toml and .csv")] = False,
 ) -> None:
     """Fit the constants of predicted costs to all finished runs of a folder, and tell how far predictions are off.
 
@@ -531,8 +531,8 @@ def calibrate(
     console.print(shown)
     console.print(f"{len(table)} runs of {table['case'].nunique()} cases", highlight=False)
     if write:
-        calibration.write_constants(fitted)
-        console.print(f"Written: {calibration.COSTS_FILE}", highlight=False)
+        calibration.write_constants(fitted, table)
+        console.print(f"Written: {calibration.COSTS_FILE}, {calibration.RUNS_FILE}", highlight=False)
 
 
 # ---------------------------------------------------------------------------------------------------- main
