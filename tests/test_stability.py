@@ -315,7 +315,7 @@ def test_the_condition_grows_with_the_penalty_and_the_square_of_the_cells() -> N
     case = load_case("cantilever", "quick", "mpm")
 
     def number(penalty: float, h: float) -> float:
-        return probes.condition(case, mpm_penalty=penalty, mesh_h=h).value
+        return probes.condition(case, penalty=penalty, h=h).value
 
     assert number(1e8, 0.1) / number(1e4, 0.1) == pytest.approx(1e4, rel=0.01)
     assert number(1e4, 0.025) / number(1e4, 0.05) == pytest.approx(4.0, rel=0.15)

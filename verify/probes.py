@@ -1,6 +1,6 @@
 """Measurements for maps that need no run of the case: parts of the solvers under conditions that are set for them.
 
-A probe is called with the case and the levels of a map by name, dots become underscores; it returns a `Verdict`.
+A probe is called with the case and the levels of a map by name; it returns a `Verdict`.
 """
 
 import math
@@ -89,13 +89,13 @@ def crossed_bar(case: Case, *, cells: int, distance: float, order: int, of: str 
 # --------------------------------------------------------------------------------------------- penalty
 
 
-def condition(case: Case, *, mpm_penalty: float, mesh_h: float) -> Verdict:
+def condition(case: Case, *, penalty: float, h: float) -> Verdict:
     """Condition number of the case's stiffness with its constraints, and the error that round-off may make of it.
 
     The value is an estimate in the 1-norm; the error is that times the spacing of numbers of double precision.
     """
-    mpm = case.mpm.model_copy(update={"penalty": mpm_penalty, "constraints_on": "edges"})
-    mesh = case.mesh.model_copy(update={"h": mesh_h})
+    mpm = case.mpm.model_copy(update={"penalty": penalty, "constraints_on": "edges"})
+    mesh = case.mesh.model_copy(update={"h": h})
     matrix = MaterialPoints(case.model_copy(update={"mpm": mpm, "mesh": mesh})).first_stiffness().tocsc()
     solve = splu(matrix).solve
     inverse = LinearOperator(matrix.shape, matvec=solve, rmatvec=solve)  # of a symmetric matrix

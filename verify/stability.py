@@ -189,8 +189,7 @@ class MapStudy:
     def verdict(self, cell: Cell) -> Verdict:
         """What is said of a cell whose run is done."""
         if self.map.probe is not None:
-            parameters = {key.replace(".", "_"): value for key, value in cell.change.items()}
-            return self._judged_probe(PROBES[self.map.probe](self.case, **parameters))
+            return self._judged_probe(PROBES[self.map.probe](self.case, **cell.change))
         job = self._job(cell)
         fault = _fault(job)
         if fault is not None:
