@@ -22,7 +22,6 @@ from cases.studies import Chart, Quantity, Varied, coordinates
 from verify.atomic import write_table
 from verify.jobs import Job, Outcome
 from verify.metrics import PAIR_METRICS, find_metric, fitted_order
-from verify.provenance import source_hash
 from verify.run_folder import RunFolder
 from verify.studies import (
     MADE_BEFORE,
@@ -33,6 +32,7 @@ from verify.studies import (
     announce,
     check_of,
     chosen_tables,
+    counted_unknowns,
     counted_work,
     finished_run,
     forecast,
@@ -53,7 +53,8 @@ SLOPE_COLUMNS = ("quantity", "ladder", "solver", "over", "order", "cost_slope", 
 CHOICE_COLUMNS = (
     "quantity", "target", "ladder", "solver", "over", "at", "error", "seconds", "work", "next_ladder", "next_factor",
 )  # fmt: skip
-TIME_COLUMNS = ("case_hash", "source_hash", "threads", "seconds")
+TIME_KEYS = ("case_hash", "source_hash", "processor", "threads")
+TIME_COLUMNS = (*TIME_KEYS, "seconds")
 ALL = "all quantities"
 
 Tell = Callable[[str], None]
@@ -96,9 +97,8 @@ class Times:
 
     def of(self, run: RunFolder) -> pd.Series:
         """Measured seconds of all repeats of a finished run."""
-        info, table = run.info, self.table
-        same = (table["case_hash"] == info["case_hash"]) & (table["source_hash"] == info["source_hash"])
-        return table.loc[same & (table["threads"] == info["threads"]), "seconds"]
+        same = [self.table[key] == run.info[key] for key in TIME_KEYS]
+        return self.table.loc[np.logical_and.reduce(same), "seconds"]
 
     def measure(self, todo: list[Job], options: Options, repeats: int, tell: Tell) -> None:
         """Run each job as often as is still wanted."""
@@ -127,9 +127,7 @@ class Times:
         return run is not None and run.info.get("threads") != threads
 
     def _add(self, run: RunFolder) -> None:
-        info = run.info
-        row = [info["case_hash"], source_hash(), info["threads"], processor_seconds(run)]
-        self.table.loc[len(self.table)] = row
+        self.table.loc[len(self.table)] = [*(run.info[key] for key in TIME_KEYS), processor_seconds(run)]
         write_table(self.file, self.table)
 
 
@@ -252,9 +250,8 @@ class ChartStudy:
         if run is None:
             return row
         seconds = times.of(run)
-        counters = run.info["counters"]
         row |= {"seconds": seconds.min(), "repeats": len(seconds), "warm_up": run.info["seconds"].get("warm_up")}
-        row |= {"unknowns": counters.get("unknowns_displacement", 0), "work": counted_work(run)}
+        row |= {"unknowns": counted_unknowns(run), "work": counted_work(run)}
         row |= {"memory_mb": run.info.get("memory_mb"), "folder": _within(run.folder, self.options.out)}
         if run.good:
             row |= self._error(quantity, run, level, target)

@@ -1,4 +1,7 @@
-"""Iterative solvers on the linear systems of a body that a crack has broken through, beside the direct one."""
+"""Iterative solvers on the linear systems of a body that a crack has broken through, beside SuperLU's factor.
+
+Bare methods of scipy, to show what each can bear: the solvers' own linear algebra is guarded against such systems.
+"""
 
 import warnings
 from collections.abc import Callable

@@ -28,6 +28,7 @@ from verify.studies import (
     StudyError,
     Variation,
     announce,
+    counted_unknowns,
     counted_work,
     finished_run,
     forecast,
@@ -213,9 +214,7 @@ def _is_priced(name: str) -> bool:
 
 
 def _costs(run: RunFolder, which: str) -> dict[str, float]:
-    counters = run.info.get("counters", {})
-    unknowns = counters.get("unknowns_displacement", 0) + counters.get("unknowns_phase_field", 0)
-    costs = {"seconds": processor_seconds(run), "work": counted_work(run), "unknowns": unknowns}
+    costs = {"seconds": processor_seconds(run), "work": counted_work(run), "unknowns": counted_unknowns(run)}
     return {f"{name}_{which}": value for name, value in costs.items()}
 
 

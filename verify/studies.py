@@ -135,6 +135,12 @@ def finished_run(job: Job) -> RunFolder | None:
     return job.finished()
 
 
+def counted_unknowns(run: RunFolder) -> int:
+    """Unknowns of displacement and phase field."""
+    counters = run.info.get("counters", {})
+    return int(counters.get("unknowns_displacement", 0) + counters.get("unknowns_phase_field", 0))
+
+
 def counted_work(run: RunFolder) -> float:
     """What no clock can disturb: points times steps in time, else unknowns times iterations.
 
