@@ -29,7 +29,8 @@ def critical_load_table(results: CaseResults) -> pd.DataFrame:
     Families with the same solver and materials go on under the name of the first one.
     """
     specs = results.case.run_specs() if results.case else {}
-    rows, names = [], {}
+    rows = []
+    names: dict[tuple[str, str], str] = {}
     for run in results.shown_runs():
         spec = specs.get(run.name)
         swept = {key.rpartition(".")[2]: value for key, value in (spec.sweep_values if spec else {}).items()}

@@ -133,7 +133,7 @@ def _moving_shapes(demand: Demand) -> dict[str, float]:
 
 
 def _memory_shapes(demand: Demand) -> dict[str, float]:
-    """Libraries, points, and the factor of the matrix where there is one, which fills in with the logarithm of its size."""
+    """Libraries, points, and the matrix's factor where there is one, which fills in with the logarithm of its size."""
     factored = demand.kind not in MOVING_KINDS
     filled = factored * _coupled(demand) * math.log2(max(demand.unknowns, 2))
     return {"libraries": 1.0, "per_point": demand.points, "per_factor": filled}
