@@ -22,6 +22,8 @@ TIERS: tuple[TierName, ...] = ("quick", "standard", "paper")
 Scalar = bool | int | float | str
 #: behind the name of a family of runs: each of them
 EACH = "[*]"
+#: names of runs that differ in a part, each of which is meant: "{fem,mpm}_cubic"
+_ALTERNATIVES = re.compile(r"\{([^{}]*)\}")
 # Values of a sweep stand in the names of runs and these in the names of folders.
 _LABEL = re.compile(r"[A-Za-z0-9_.+-]+")
 
@@ -184,7 +186,8 @@ class Check(Table):
 
     Attributes
     ----------
-    run : run or family of runs that the metric is taken from; "FAMILY[*]" stands for a check of each of its runs
+    run : run or family of runs that the metric is taken from; "FAMILY[*]" stands for a check of each of its runs and
+        "{fem,mpm}" for one of either, in `against` for the same
     but : sweep values, such as "h=0.1", of the runs that a check of each leaves out
     against : a run, "baseline", "reference:NAME", "value:NUMBER", "exact" or "none"; a run "OTHER[*]" is that of the
         same sweep values
@@ -216,16 +219,19 @@ class Check(Table):
         return (self.against, "") if self.against in ("baseline", "exact", "none") else ("run", self.against)
 
     def each(self, specs: Iterable[RunSpec]) -> list[Check]:
-        """The check, or one for each run of its family where it is of all; itself where there is no such family."""
+        """The check, or one for each run that it is of; itself where there is no such family."""
+        specs, group = list(specs), _ALTERNATIVES.search(self.run)
+        if group is not None:
+            return [check for name in group[1].split(",") for check in self._of(group[0], name.strip()).each(specs)]
         family = self.run.removesuffix(EACH)
         labels = [spec.name.removeprefix(family) for spec in specs if spec.family == family and spec.sweep_values]
         if family == self.run or not labels:
             return [self]
-        return [
-            self.model_copy(update={"run": family + label, "against": self.against.replace(EACH, label)})
-            for label in labels
-            if label.strip("[]") not in self.but
-        ]
+        return [self._of(EACH, label) for label in labels if label.strip("[]") not in self.but]
+
+    def _of(self, part: str, name: str) -> Check:
+        """The check of one run, whose name stands for a part of the runs' names."""
+        return self.model_copy(update={key: getattr(self, key).replace(part, name) for key in ("run", "against")})
 
     @field_validator("against")
     @classmethod

@@ -188,6 +188,24 @@ def test_sweeps_expand_to_named_runs(toy_file: Path) -> None:
     assert (spec.solver, spec.family, spec.sweep_values) == ("fem", "levels", {"mesh.h": 0.05})
 
 
+def test_a_check_of_alternatives_is_one_of_each(toy_file: Path) -> None:
+    families = {name: {"solver": name[:3], "sweep": {"mesh.h": [0.05, 0.025]}} for name in ("fem_a", "mpm_a")}
+    check = {"metric": "peak_force", "run": "{fem,mpm}_a[*]", "against": "value:1", "limit": 0.01, "reason": "both alike"}
+    other = check | {"run": "{fem, mpm}", "against": "{fem, mpm}_a[h=0.05]"}
+    tables = toy(runs__fem_a=families["fem_a"], runs__mpm_a=families["mpm_a"], checks=[check, other])
+    assert [(number, each.run, each.against) for number, each in case_from_tables(tables).applying_checks()] == [
+        (0, "fem_a[h=0.05]", "value:1"),
+        (0, "fem_a[h=0.025]", "value:1"),
+        (0, "mpm_a[h=0.05]", "value:1"),
+        (0, "mpm_a[h=0.025]", "value:1"),
+        (1, "fem", "fem_a[h=0.05]"),
+        (1, "mpm", "mpm_a[h=0.05]"),
+    ]
+    tables["checks"] = [check | {"run": "{fem,mmp}_a[*]"}]
+    with pytest.raises(CaseError, match="'mmp_a.*did you mean 'mpm_a'"):
+        case_from_tables(tables)
+
+
 def test_a_check_of_each_run_of_a_sweep_is_taken_apart_at_every_tier(toy_file: Path) -> None:
     sweep = {"solver": "mpm", "sweep": {"mesh.h": [0.05, 0.025]}}
     check = {"metric": "peak_force", "run": "points[*]", "against": "levels[*]", "limit": 0.01, "reason": "both alike"}
