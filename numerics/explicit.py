@@ -82,11 +82,16 @@ LARGEST_GAIN = 2.0
 
 @dataclass(frozen=True)
 class Instant:
-    """State of the run at one time; ``steps_per_second`` since the start, ``columns`` those of the discretisation."""
+    """State of the run at one time.
+
+    ``energy_at_start`` is what the bodies held at time 0 [energy], ``steps_per_second`` the pace since then; ``columns``
+    are those of the discretisation.
+    """
 
     step: int
     time: float
     balance: Balance
+    energy_at_start: float
     c_min: float
     steps_per_second: float
     seconds: float
@@ -170,7 +175,7 @@ class _TimeMarch:
         #: steps after which the state is told, snapshots and frames at the first step that reaches their time
         self.told = {*map(int, np.round(evenly)), *(int(np.ceil(t / self.size * (1.0 - 1e-12))) for t in times)}
         self.started = time.perf_counter() - (after.seconds if after else 0.0)
-        self.first = discretisation.balance().total if after is None else 0.0
+        self.energy_at_start = after.energy_at_start if after else discretisation.balance().total
 
     def follow(self) -> Iterator[Instant]:
         """The first state, then each one that is told."""
@@ -199,6 +204,7 @@ class _TimeMarch:
             step=step,
             time=step * self.size,
             balance=balance,
+            energy_at_start=self.energy_at_start,
             c_min=self.discretisation.least_phase_field(),
             steps_per_second=step / seconds if seconds else 0.0,
             seconds=seconds,
@@ -212,7 +218,7 @@ class _TimeMarch:
         """What speaks for instability: energy that nobody put in."""
         if not np.isfinite(balance.total):
             return f"step {step}: the energy is not finite"
-        given = self.first + abs(balance.external_work)
+        given = self.energy_at_start + abs(balance.external_work)
         if balance.kinetic + balance.elastic > LARGEST_GAIN * given and given > 0.0:
             return (
                 f"step {step}: the energy has grown to {balance.total:.4g} of {given:.4g} given to the bodies; the time"

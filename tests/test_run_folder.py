@@ -395,6 +395,18 @@ def test_a_resumed_solution_is_that_of_an_uninterrupted_run(
     }
 
 
+@pytest.mark.usefixtures("save_always")
+def test_a_damped_bar_that_goes_on_is_not_taken_for_one_that_blew_up(variant, tmp_path: Path) -> None:
+    """What damping has taken by then is little beside the energy at the start."""
+    case = variant("vibrating_bar", mesh={"h": 10.0}, dynamics={"end_time": 0.1, "damping": 1.0})
+    with pytest.raises(InterruptedRunError):
+        run(case, "mpm", "standard", tmp_path, _stop_at(3))
+    done = run(case, "mpm", "standard", tmp_path, resume=True)
+    assert (done.info["status"], done.info["resumed_after_step"]) == ("complete", 3)
+    whole = run(case, "mpm", "standard", tmp_path / "whole")
+    assert done.history.drop(columns="seconds").equals(whole.history.drop(columns="seconds"))
+
+
 def test_what_a_case_expects_is_judged_as_the_case_stands_now(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
