@@ -407,6 +407,16 @@ def test_a_damped_bar_that_goes_on_is_not_taken_for_one_that_blew_up(variant, tm
     assert done.history.drop(columns="seconds").equals(whole.history.drop(columns="seconds"))
 
 
+def test_a_run_that_blew_up_keeps_the_snapshots_before_and_no_state_of_the_wreck(variant, tmp_path: Path) -> None:
+    case = variant(
+        "vibrating_bar", mesh={"h": 10.0}, dynamics={"end_time": 2.0, "time_step_share": 2.5}, output={"times": [0.05]}
+    )
+    done = run(case, "mpm", "standard", tmp_path)
+    assert done.info["status"] == "blew_up" and done.history["time"].iloc[-1] > 0.1
+    assert [round(snapshot.u, 2) for snapshot in done.snapshots()] == [0.05]
+    assert done.info["measures"] == {} and np.isfinite(done.history.to_numpy()).all()
+
+
 def test_what_a_case_expects_is_judged_as_the_case_stands_now(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
