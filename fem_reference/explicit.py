@@ -193,11 +193,11 @@ class ExplicitFiniteElements:
         """Energies and momentum at the time of the displacement."""
         self._bring_up_to_date()
         velocity = self.velocity + self._ahead * self._acceleration
-        momentum = self.mass @ velocity
+        momentum = (self.mass[:, None] * velocity).sum(axis=0)
         return Balance(
             elastic=float((self._energy_density() * self.basis.volume).sum()),
             fracture=self._phase_field.energy(),
-            kinetic=0.5 * float(self.mass @ (velocity**2).sum(axis=1)),
+            kinetic=0.5 * float((self.mass[:, None] * velocity**2).sum()),
             external_work=self._work,
             external_power=float((self._outer_forces() * velocity).sum()),
             contact_work=0.0,

@@ -211,7 +211,7 @@ class ExplicitMaterialPoints:
         momentum = np.sum([motion.momentum for motion in motions], axis=0)
         fallen = float(gravity @ (_first_moment(motions) - self._start))
         return Balance(
-            elastic=sum(float(body.energy_density() @ body.points.volume) for body in moving),
+            elastic=sum(float((body.energy_density() * body.points.volume).sum()) for body in moving),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
             kinetic=sum(motion.energy for motion in motions),
             external_work=fallen + self._boundary_work + self.contact.work_of_rigid,

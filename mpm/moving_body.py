@@ -393,7 +393,7 @@ class MovingBody:
     def damping_power(self) -> float:
         """Power of the damping in this step, at most zero [energy/time]."""
         grid, rate = self.grid, self._dynamics.damping if self._dynamics else 0.0
-        return -rate * float(grid.m @ (grid.old_x * grid.vx + grid.old_y * grid.vy)) if rate else 0.0
+        return -rate * float((grid.m * (grid.old_x * grid.vx + grid.old_y * grid.vy)).sum()) if rate else 0.0
 
     def motion(self) -> Motion:
         """The motion of the body as a whole, in one pass over its points."""

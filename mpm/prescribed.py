@@ -169,4 +169,4 @@ class Tractions:
     def power(self) -> float:
         """Of the tractions in this step, on the mean of the velocities before and after it."""
         grids = [body.grid for body in self._bodies]
-        return sum(float(0.5 * (g.ex @ (g.old_x + g.vx) + g.ey @ (g.old_y + g.vy))) for g in grids)
+        return sum(float(0.5 * (g.ex * (g.old_x + g.vx) + g.ey * (g.old_y + g.vy)).sum()) for g in grids)

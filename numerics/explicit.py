@@ -55,7 +55,7 @@ class DynamicDiscretisation(Protocol):
         """Go from time `now` to `now + size`, phase field included; raises BlewUpError."""
 
     def balance(self) -> Balance:
-        """Energies and momentum now."""
+        """Energies and momentum now, from sums that any number of threads gives alike, as the linear algebra's are not."""
 
     def least_phase_field(self) -> float:
         """Smallest phase field."""

@@ -3,6 +3,7 @@
 import textwrap
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from moving_plate import MOVING, PLATE, PULLED, STILL, all_steps, check_window, plate_case, run_to
@@ -10,6 +11,7 @@ from moving_plate import MOVING, PLATE, PULLED, STILL, all_steps, check_window, 
 from cases import CaseError, load_case
 from fem_reference import ExplicitFiniteElements, FiniteElements
 from numerics.explicit import instants, number_of_steps
+from numerics.threads import use_threads
 
 BAR = """
     title = "Bar in motion"
@@ -154,6 +156,20 @@ def test_a_run_goes_on_from_its_checkpoint_bit_by_bit(tmp_path):
     np.testing.assert_array_equal(resumed.displacement, whole.displacement)
     np.testing.assert_array_equal(resumed.fields().phase_field, whole.fields().phase_field)
     assert resumed.balance() == whole.balance()
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+def test_one_thread_and_two_give_the_same_bits(tmp_path):
+    case = plate_case(tmp_path, PLATE.replace("h = 0.5", "h = 0.15"), MOVING, PULLED, run="fem")
+    before, states = numba.get_num_threads(), []
+    for threads in (1, 2):
+        use_threads(threads)
+        body = ExplicitFiniteElements(case)
+        run_to(body, 0, 20)
+        states.append((body.balance(), body.fields().phase_field))
+    use_threads(before)
+    assert states[0][0] == states[1][0]
+    np.testing.assert_array_equal(states[0][1], states[1][1])
 
 
 def test_several_bodies_are_refused_with_a_remedy(tmp_path):

@@ -1,5 +1,6 @@
 """The explicit material point method: bases, steps, rotation, contact, resuming, errors."""
 
+import numba
 import numpy as np
 import pytest
 
@@ -8,6 +9,7 @@ from mpm import ExplicitMaterialPoints
 from mpm.explicit_kernels import spline_values, turned_strain
 from mpm.moving_body import MovingBody
 from numerics.explicit import instants
+from numerics.threads import use_threads
 from numerics.time_steps import LARGEST_GRADIENT, largest_eigenvalue, proven_step
 
 STEEL = {"young": 1.0, "poisson": 0.3, "density": 1.0}
@@ -133,24 +135,23 @@ def test_bodies_push_when_they_touch_and_not_a_cell_before():
     assert approach(by_distance=False) > 1.0
 
 
-def collision(threads: int = 1) -> dict:
-    import numba
-
+def collision(threads: int = 1, h: float = 0.25, end_time: float = 6.0) -> tuple[dict, list[dict]]:
+    """State at the end, with the counts of contact, and the history without its seconds."""
     bodies = {
         "a": {"material": "soft", "shape": {"disc": {"centre": [0.0, 0.0], "radius": 1.0}}, "velocity": [0.02, 0.0]},
         "b": {"material": "soft", "shape": {"disc": {"centre": [2.05, 0.6], "radius": 1.0}}, "velocity": [-0.02, 0.0]},
     }
-    case = case_of(bodies, 6.0, contact={"friction": 0.3}, mpm={"placement": "rings"})
+    case = case_of(bodies, end_time, h=h, contact={"friction": 0.3}, mpm={"placement": "rings"})
     before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    use_threads(threads)
     solver = ExplicitMaterialPoints(case)
-    list(instants(solver, case))
-    numba.set_num_threads(before)
-    return {**solver.checkpoint(), "counts": solver.contact.violations}
+    rows = [instant.row() | {"seconds": 0.0} for instant in instants(solver, case)]
+    use_threads(before)
+    return {**solver.checkpoint(), "counts": solver.contact.violations}, rows
 
 
 def test_free_bodies_keep_their_momentum_and_contact_keeps_its_conditions():
-    state = collision()
+    state, _ = collision()
     x = state["body0_mass"] @ state["body0_vx"] + state["body1_mass"] @ state["body1_vx"]
     y = state["body0_mass"] @ state["body0_vy"] + state["body1_mass"] @ state["body1_vy"]
     assert abs(x) + abs(y) < 1e-14
@@ -168,9 +169,13 @@ def test_going_back_to_a_state_sets_its_counts_back_too():
     assert before["contact_nodes"] > 0 and dict(solver.contact.violations) == before
 
 
-def test_one_thread_and_two_give_the_same_bits():
-    one, two = collision(1), collision(2)
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+@pytest.mark.parametrize(("h", "end_time"), [(0.25, 6.0), (0.03, 0.05)])
+def test_one_thread_and_two_give_the_same_bits(h, end_time):
+    """The linear algebra shares the sums over the many points of the small spacing out among its threads."""
+    (one, rows), (two, others) = collision(1, h, end_time), collision(2, h, end_time)
     assert all(np.array_equal(one[name], two[name], equal_nan=True) for name in one if name != "counts")
+    assert rows == others
 
 
 def test_a_run_that_goes_on_from_a_checkpoint_ends_with_the_same_bits():
