@@ -151,6 +151,7 @@ class MovingBody:
         self.density = float(table.density[number])
         self.breakable, self.split = bool(table.breakable[number]) and not self.rigid, int(table.law.split[number])
         self.residual_stiffness = float(table.residual_stiffness[number])
+        self._irreversible = case.staggered.irreversible
         self._has_axes = bool(table.fourth_order[number]) and not self.rigid
 
     def _make_points(self, cloud: PointCloud, places: NDArray, velocity: NDArray) -> Points:
@@ -332,7 +333,7 @@ class MovingBody:
             explicit_kernels.degraded_stresses(
                 p.exx, p.eyy, p.gxy, self.lam, self.mu, self.split, p.g, p.sxx, p.syy, p.sxy, p.psi_plus, p.psi_minus
             )
-            np.maximum(p.history, p.psi_plus, out=p.history)
+            np.maximum(p.history if self._irreversible else 0.0, p.psi_plus, out=p.history)
         else:
             explicit_kernels.elastic_stresses(p.exx, p.eyy, p.gxy, self.lam, self.mu, p.sxx, p.syy, p.sxy)
 

@@ -10,6 +10,7 @@ from moving_plate import MOVING, PLATE, PULLED, STILL, all_steps, check_window, 
 
 from cases import CaseError, load_case
 from fem_reference import ExplicitFiniteElements, FiniteElements
+from mpm import ExplicitMaterialPoints
 from numerics.explicit import instants, number_of_steps
 from numerics.threads import use_threads
 
@@ -96,6 +97,25 @@ def test_the_work_of_a_moved_boundary_becomes_energy(tmp_path):
     start = ExplicitFiniteElements(body.case).balance().total
     assert balance.external_work > 0.5 * start
     assert balance.total - start == pytest.approx(balance.external_work, rel=2e-3)
+
+
+def test_damping_slows_a_free_body_and_its_work_is_counted(tmp_path):
+    free = BAR[: BAR.index("    constraints")] + BAR[BAR.index("    dynamics") :]
+    moving = free.replace("shape =", "velocity = [1.0, 0.5], shape =")
+    case = case_of(tmp_path, moving, h=0.5, share="0.5, damping = 0.3")
+    first, *_, last = (instant.balance for instant in instants(ExplicitFiniteElements(case), case))
+    slowed = np.exp(-0.3 * 4.0)
+    assert last.momentum == pytest.approx((10.0 * slowed, 5.0 * slowed), rel=1e-3)
+    assert last.external_work == pytest.approx(last.total - first.total, rel=1e-3)
+    assert last.external_power == pytest.approx(-2.0 * 0.3 * last.kinetic, rel=1e-12)
+
+
+def test_a_run_starts_from_the_exact_velocity_and_from_no_exact_strain(variant):
+    bar = variant("vibrating_bar", "fem", mesh={"h": 5.0})
+    start = ExplicitFiniteElements(bar).balance().kinetic
+    assert start == pytest.approx(ExplicitMaterialPoints(bar).balance().kinetic, rel=0.02)
+    with pytest.raises(CaseError, match=r"exact = 'spinning_disc': it starts strained.*solver = \"mpm\""):
+        ExplicitFiniteElements(variant("rotating_stressed_disc", "fem"))
 
 
 def plate(tmp_path: Path, tolerance: float = 1e-3, passes: int = 1) -> ExplicitFiniteElements:

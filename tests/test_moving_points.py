@@ -211,11 +211,24 @@ def test_a_step_above_the_limit_ends_as_blown_up():
         ({"output": {"snapshots": [0.1]}}, "output.times"),
         ({"contact": {"pairs": [{"bodies": ["a", "c"], "friction": 0.1}]}}, "not a body"),
         ({"bodies": {"a": square(0.0), "b": square(0.5)}}, "overlaps"),
+        ({"bodies": {"a": square(0.0, rigid=True, velocity_gradient=[[0, 1], [0, 0]])}}, "keeps one velocity"),
+        ({"bodies": {"a": square(0.0, rigid=True)}}, "leaves nothing that moves freely; give rigid = false"),
+        ({"output": {"times": [0.5, 2.0]}}, r"'output.times\[1\]' = 2.0 comes after the end"),
+        ({"mesh": {"h": 0.25, "geometry": "updated"}}, r"'mesh.geometry' = 'updated' has no effect in dynamics"),
+        ({"mpm": {"penalty": 1e3}}, r"'mpm.penalty' = 1000.0 has no effect in dynamics; remove it\."),
+        ({"mpm": {"fill_cells": True}}, "remove it or give false"),
+        ({"staggered": {"scheme": "converged"}}, 'remove it or give "passes"'),
     ],
 )
 def test_a_slip_in_a_dynamic_case_gets_one_sentence(change, said):
     with pytest.raises(CaseError, match=said):
         case_of(change.pop("bodies", {"a": square(0.0)}), **change)
+
+
+def test_a_phase_field_that_points_cannot_hold_is_refused():
+    case = case_of({"a": square(0.0)}, constraints=[{"on": "left", "direction": "phase", "value": 0.0}])
+    with pytest.raises(CaseError, match=r"constraints\[0\].direction = 'phase'.* hold no phase field; remove it"):
+        ExplicitMaterialPoints(case)
 
 
 def test_a_traction_moves_a_free_square_as_newton_says():
