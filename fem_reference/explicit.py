@@ -105,8 +105,8 @@ class ExplicitFiniteElements:
         nodes, solution = self.basis.nodes, SOLUTIONS.get(self.case.exact or "")
         if solution is not None and solution.strain is not None:
             raise CaseError(
-                f"{self.case.source}: exact = '{self.case.exact}': it starts strained, while finite elements measure strain"
-                ' from the start; run it with solver = "mpm".'
+                f"{self.case.source}: exact = '{self.case.exact}': it starts strained, while finite elements measure"
+                ' strain from the start; run it with solver = "mpm".'
             )
         if solution is not None and solution.velocity is not None:
             return solution.velocity(self.case, nodes, 0.0)

@@ -16,13 +16,13 @@ from physics.phase_field import degradation
 
 from . import explicit_kernels
 from .explicit_kernels import DRIFT, STRIP, kernels
-from .grid import LostPointsError
+from .grid import GridError
 from .placement import PointCloud
 
 #: nodes of a window beyond which a body has come apart over the whole neighbourhood
 MOST_NODES = 50_000_000
-#: share of a body's moment of inertia about the window's corner that is lost in the difference to its middle's
-ROUND_OFF = 1e-14
+#: least moment of inertia of a body that can spin, over that about the window's corner: less is round-off
+LEAST_INERTIA = 1e-14
 #: cells of the window around the body's points
 MARGIN = DRIFT + 1
 
@@ -132,11 +132,13 @@ class MovingBody:
     def __init__(self, case: Case, number: int, cloud: PointCloud) -> None:
         name, body = list(case.bodies.items())[number]
         self.name, self.rigid, self._dynamics = name, body.rigid, case.dynamics
-        self.h, self.order, self.thickness = case.mesh.h, case.mpm.order, case.plane.thickness
+        self.h, self.order = case.mesh.h, case.mpm.order
         self.origin = case.bounding_box()[0]
         self.kernels = kernels(self.order)
         self._set_material(case, number)
         places = np.flatnonzero(cloud.body == number)
+        if not len(places):
+            raise GridError(f"{case.source}: bodies.{name}: it is too thin for points to lie in it; make mesh.h smaller.")
         self.rigid_velocity = np.array(body.velocity)
         self.corner = np.zeros(2, np.int64)
         self.points = self._make_points(cloud, places, body.initial_velocity(cloud.positions[places]))
@@ -180,9 +182,9 @@ class MovingBody:
         lower, upper = cells.min(axis=1) - MARGIN, cells.max(axis=1) + MARGIN
         self.shape = upper - lower + 1 + self.order
         if np.prod(self.shape.astype(float)) > MOST_NODES:
-            raise LostPointsError(
-                f"the points of body '{self.name}' are spread over {self.shape[0]} x {self.shape[1]} cells;"
-                " shorten dynamics.end_time or look for what throws them out"
+            raise BlewUpError(
+                f"the points of body '{self.name}' are spread over {self.shape[0]} x {self.shape[1]} nodes, more than"
+                " there is room for; shorten dynamics.end_time, or enlarge mesh.h"
             )
         shift = self.corner - lower
         points.x += shift[0]
@@ -405,7 +407,7 @@ class MovingBody:
         inertia = square - mass * float(middle @ middle)
         turning -= float(middle[0] * momentum_y - middle[1] * momentum_x)
         # a single point has no spin
-        spin = turning / (self.h * inertia) if inertia > ROUND_OFF * square else 0.0
+        spin = turning / (self.h * inertia) if inertia > LEAST_INERTIA * square else 0.0
         place = self.origin + self.h * (self.corner + middle)
         return Motion(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
 

@@ -55,7 +55,7 @@ class DynamicDiscretisation(Protocol):
         """Go from time `now` to `now + size`, phase field included; raises BlewUpError."""
 
     def balance(self) -> Balance:
-        """Energies and momentum now, from sums that any number of threads gives alike, as the linear algebra's are not."""
+        """Energies and momentum now; sums of the linear algebra's library would depend on its number of threads."""
 
     def least_phase_field(self) -> float:
         """Smallest phase field."""
@@ -84,8 +84,8 @@ LARGEST_GAIN = 2.0
 class Instant:
     """State of the run at one time.
 
-    ``energy_at_start`` is what the bodies held at time 0 [energy], ``steps_per_second`` the pace since then; ``columns``
-    are those of the discretisation.
+    ``energy_at_start`` is what the bodies held at time 0 [energy], ``steps_per_second`` the pace since then; each step
+    takes the ``passes``; ``columns`` are those of the discretisation.
     """
 
     step: int
@@ -93,6 +93,7 @@ class Instant:
     balance: Balance
     energy_at_start: float
     c_min: float
+    passes: int
     steps_per_second: float
     seconds: float
     status: str
@@ -128,7 +129,7 @@ class Instant:
             "E_kin": balance.kinetic,
             "W_ext": balance.external_work,
             "c_min": self.c_min,
-            "staggered": 1,
+            "staggered": self.passes,
             "newton": 0,
             "seconds": round(self.seconds, 6),
             "W_contact": balance.contact_work,
@@ -167,6 +168,7 @@ class _TimeMarch:
     def __init__(self, discretisation: DynamicDiscretisation, case: Case, after: Instant | None) -> None:
         assert case.dynamics is not None
         self.discretisation, self.after = discretisation, after
+        self.passes = case.staggered.passes
         self.end = case.dynamics.end_time
         self.n_steps = number_of_steps(case, discretisation.stable_step())
         self.size = self.end / self.n_steps
@@ -206,6 +208,7 @@ class _TimeMarch:
             balance=balance,
             energy_at_start=self.energy_at_start,
             c_min=self.discretisation.least_phase_field(),
+            passes=self.passes,
             steps_per_second=step / seconds if seconds else 0.0,
             seconds=seconds,
             status="blew_up" if problem else "running",

@@ -407,6 +407,21 @@ def test_a_damped_bar_that_goes_on_is_not_taken_for_one_that_blew_up(variant, tm
     assert done.history.drop(columns="seconds").equals(whole.history.drop(columns="seconds"))
 
 
+@pytest.mark.usefixtures("save_always")
+def test_a_run_resumed_at_its_last_record_tells_the_same_measures(variant, tmp_path: Path) -> None:
+    case = variant("hertz_cylinder", mesh={"h": 0.8}, dynamics={"end_time": 0.02}, output={"records": 4})
+
+    def stop_at_the_end(instant) -> None:
+        if instant.share == 1.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(InterruptedRunError):
+        run(case, "mpm", "standard", tmp_path, stop_at_the_end)
+    measures = run(case, "mpm", "standard", tmp_path, resume=True).info["measures"]
+    assert measures["peak_pressure"] > 0.0
+    assert measures == run(case, "mpm", "standard", tmp_path / "whole").info["measures"]
+
+
 def test_a_run_that_blew_up_keeps_the_snapshots_before_and_no_state_of_the_wreck(variant, tmp_path: Path) -> None:
     case = variant(
         "vibrating_bar", mesh={"h": 10.0}, dynamics={"end_time": 2.0, "time_step_share": 2.5}, output={"times": [0.05]}
