@@ -407,6 +407,15 @@ def test_a_damped_bar_that_goes_on_is_not_taken_for_one_that_blew_up(variant, tm
     assert done.history.drop(columns="seconds").equals(whole.history.drop(columns="seconds"))
 
 
+def test_points_that_leave_the_grid_end_the_run_in_a_sentence(variant, tmp_path: Path) -> None:
+    unbroken = {"steel": {"fracture": {"toughness": 1e6}}}
+    load, mpm = {"path": [0.0, 0.3], "increment": 0.1}, {"margin": 0, "move_points": True}
+    case = variant("homogeneous_bar", mpm=mpm, load=load, materials=unbroken)
+    done = run(case, "mpm", "standard", tmp_path)
+    assert done.info["status"] == "no_convergence" and not (done.folder / "traceback.txt").exists()
+    assert "material points have left the grid; enlarge mpm.margin" in done.info["reason"]
+
+
 @pytest.mark.usefixtures("save_always")
 def test_a_run_resumed_at_its_last_record_tells_the_same_measures(variant, tmp_path: Path) -> None:
     case = variant("hertz_cylinder", mesh={"h": 0.8}, dynamics={"end_time": 0.02}, output={"records": 4})
