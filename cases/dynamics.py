@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from cases.errors import BrokenRuleError
 from cases.table import Name, Switch, Table
 from cases.units import Acceleration, Number, Rate, Stress, Time
+
+#: keys that explicit integration does not look at, with the value that says what it does, None where none does
+WITHOUT_EFFECT: dict[str, Any] = {
+    "mesh.geometry": "initial",
+    "mesh.follow_crack": False,
+    "mpm.constraints_on": "edges",
+    "mpm.penalty": None,
+    "mpm.strain": "updated",
+    "mpm.move_points": True,
+    "mpm.fill_cells": False,
+    "mpm.margin": None,
+    "mpm.linear_solver": "direct",
+    "staggered.scheme": "passes",
+    "staggered.residual_tolerance": None,
+    "staggered.memory": None,
+    "staggered.largest_iterations": None,
+}
 
 
 class Dynamics(Table):

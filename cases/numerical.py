@@ -217,7 +217,8 @@ class Staggered(Table):
 
     Attributes
     ----------
-    scheme : iterate until converged, or a fixed number of `passes` per increment (the thesis's N_staggs)
+    scheme : iterate until converged, or a fixed number of `passes` per increment (the thesis's N_staggs); dynamics has
+        passes only
     tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall
     residual_tolerance : on the relative residual of equilibrium
     memory : past iterations that the acceleration uses; 0 for over-relaxation alone

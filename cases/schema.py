@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cases.boundaries import EDGES, BoundarySet
-from cases.dynamics import Contact, Dynamics, Traction
+from cases.dynamics import WITHOUT_EFFECT, Contact, Dynamics, Traction
 from cases.errors import BrokenRuleError
 from cases.files import existing_file, read_curve
 from cases.geometry import SLACK, Array, Bounds, Shape, mesh_outline, size_of
@@ -81,6 +81,14 @@ class Body(Table):
     @model_validator(mode="after")
     def _has_one_geometry(self) -> Body:
         require_one(self, "geometry", ("shape", "mesh"))
+        return self
+
+    @model_validator(mode="after")
+    def _moves_as_a_whole_if_rigid(self) -> Body:
+        if self.rigid and np.any(self.velocity_gradient):
+            remedy = "give rigid = false, or the velocity alone"
+            text = "does not apply to a rigid body, which keeps one velocity"
+            raise BrokenRuleError(text, remedy, "velocity_gradient", self.velocity_gradient)
         return self
 
     def bounds(self) -> Bounds:
@@ -271,6 +279,9 @@ class CaseDescription(Table):
         for name in {body.material: None for body in self.bodies.values()}:
             if self.materials[name].density is None:
                 raise BrokenRuleError("is missing", "add it, since dynamics needs mass", f"materials.{name}.density")
+        if all(body.rigid for body in self.bodies.values()):
+            key = f"bodies.{next(iter(self.bodies))}.rigid"
+            raise BrokenRuleError("leaves nothing that moves freely", "give rigid = false", key, True)
         for number, constraint in enumerate(self.constraints):
             if constraint.velocity is None and constraint.value is None:
                 text = "does not apply in dynamics"
@@ -280,6 +291,22 @@ class CaseDescription(Table):
                 raise BrokenRuleError("is a jump in time", remedy, f"constraints[{number}].value", constraint.value)
         if self.output.snapshots:
             raise BrokenRuleError("are load parameters", "give output.times instead", "output.snapshots")
+        self._is_not_passed_over()
+
+    def _is_not_passed_over(self) -> None:
+        """Nothing in a dynamic case asks for what will not be done."""
+        for key, done in WITHOUT_EFFECT.items():
+            table, name = key.split(".")
+            value = getattr(getattr(self, table), name)
+            if name in getattr(self, table).model_fields_set and value != done:
+                remedy = "remove it" if done is None else f"remove it or give {json.dumps(done)}"
+                raise BrokenRuleError("has no effect in dynamics", remedy, key, value)
+        assert self.dynamics is not None
+        end = self.dynamics.end_time
+        for number, time in enumerate(self.output.times):
+            if time > end * (1.0 + SLACK):
+                remedy = f"give a time up to dynamics.end_time = {end:g}"
+                raise BrokenRuleError("comes after the end", remedy, f"output.times[{number}]", time)
 
     def _stiffnesses_apply(self) -> None:
         for name in {body.material: None for body in self.bodies.values()}:

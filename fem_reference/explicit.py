@@ -14,6 +14,7 @@ from numerics.explicit import Balance, BlewUpError
 from numerics.fields import Fields
 from numerics.time_steps import courant_step
 from physics.elasticity import MaterialTable
+from physics.exact import SOLUTIONS
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
 
 from . import explicit_kernels as kernels
@@ -79,13 +80,13 @@ class ExplicitFiniteElements:
         self._held_velocity = self.constraints.prescribed_velocity().reshape(-1, 2)
         self._tractions = traction_forces(self.case, basis)
         assert self.case.dynamics is not None
+        self._damping = self.case.dynamics.damping
         self._gravity = self.mass[:, None] * np.asarray(self.case.dynamics.gravity)
 
     def _set_initial_state(self) -> None:
         basis, n_nodes, points = self.basis, len(self.basis.nodes), self.basis.volume.shape
-        body = next(iter(self.case.bodies.values()))
         self.displacement, self._moved = np.zeros((n_nodes, 2)), np.zeros((n_nodes, 2))
-        self.velocity = np.where(self._held, self._held_velocity, body.initial_velocity(basis.nodes))
+        self.velocity = np.where(self._held, self._held_velocity, self._first_velocity())
         #: from the time of the velocity to that of the displacement
         self._ahead = 0.0
         self._strain, self._next_strain = Strain.zero(points), Strain.zero(points)
@@ -98,6 +99,18 @@ class ExplicitFiniteElements:
         self._evaluate_strain(self.displacement, self._strain, self.history_field)
         self._change[:] = np.inf  # the phase field of the notches is found everywhere
         self.costs.count.update(points=basis.volume.size, cells=len(basis.elements), unknowns_displacement=2 * n_nodes)
+
+    def _first_velocity(self) -> NDArray:
+        """Velocity (n_nodes, 2) that the case gives, or its exact solution."""
+        nodes, solution = self.basis.nodes, SOLUTIONS.get(self.case.exact or "")
+        if solution is not None and solution.strain is not None:
+            raise CaseError(
+                f"{self.case.source}: exact = '{self.case.exact}': it starts strained, while finite elements measure"
+                ' strain from the start; run it with solver = "mpm".'
+            )
+        if solution is not None and solution.velocity is not None:
+            return solution.velocity(self.case, nodes, 0.0)
+        return next(iter(self.case.bodies.values())).initial_velocity(nodes)
 
     def _initial_history(self) -> NDArray:
         shape, coefficients = self.basis.volume.shape, self._coefficients
@@ -129,18 +142,23 @@ class ExplicitFiniteElements:
             if further:
                 self._phase_field.solve(self._next_history, self._change, now)
                 self._evaluate_forces()
-            velocity = self.velocity + (self._ahead + 0.5 * size) * self._acceleration
-            velocity = np.where(self._held, self._held_velocity, velocity)
+            velocity = self._velocity_after(self._ahead + 0.5 * size)
             self._moved = size * velocity
             self._evaluate_strain(self.displacement + self._moved, self._next_strain, self._next_history)
-        self._add_work()
         self.velocity, self._ahead = velocity, 0.5 * size
+        self._add_work()
         self.displacement = self.displacement + self._moved
         self._strain, self._next_strain = self._next_strain, self._strain
         self.history_field, self._next_history = self._next_history, self.history_field
         self._time, self._is_current = now + size, False
         if not np.isfinite(self.displacement.sum()):
             raise BlewUpError("a displacement is not finite; shorten the time step")
+
+    def _velocity_after(self, interval: float) -> NDArray:
+        """Velocity (n_nodes, 2) an interval after the present one, damped by the mean of both."""
+        loss = 0.5 * self._damping * interval
+        velocity = ((1.0 - loss) * self.velocity + interval * self._acceleration) / (1.0 + loss)
+        return np.where(self._held, self._held_velocity, velocity)
 
     def _bring_up_to_date(self) -> None:
         """Phase field and forces at the time of the displacement."""
@@ -181,25 +199,26 @@ class ExplicitFiniteElements:
 
     def _add_work(self) -> None:
         """Half of the work of the last step, by the outer forces at one of its ends."""
-        self._work += 0.5 * float((self._outer_forces() * self._moved).sum())
+        self._work += 0.5 * float((self._outer_forces(self.velocity) * self._moved).sum())
 
-    def _outer_forces(self) -> NDArray:
-        """External forces, reactions included (n_nodes, 2); what is held moves at constant velocity."""
-        return np.where(self._held, self._inner_forces, self._applied)
+    def _outer_forces(self, velocity: NDArray) -> NDArray:
+        """External forces, damping and reactions included (n_nodes, 2); what is held moves at constant velocity."""
+        damping = self._damping * self.mass[:, None] * velocity
+        return np.where(self._held, self._inner_forces, self._applied - damping)
 
     # ---------------------------------------------------------------- what can be seen
 
     def balance(self) -> Balance:
         """Energies and momentum at the time of the displacement."""
         self._bring_up_to_date()
-        velocity = self.velocity + self._ahead * self._acceleration
-        momentum = self.mass @ velocity
+        velocity = self._velocity_after(self._ahead)
+        momentum = (self.mass[:, None] * velocity).sum(axis=0)
         return Balance(
             elastic=float((self._energy_density() * self.basis.volume).sum()),
             fracture=self._phase_field.energy(),
-            kinetic=0.5 * float(self.mass @ (velocity**2).sum(axis=1)),
+            kinetic=0.5 * float((self.mass[:, None] * velocity**2).sum()),
             external_work=self._work,
-            external_power=float((self._outer_forces() * velocity).sum()),
+            external_power=float((self._outer_forces(velocity) * velocity).sum()),
             contact_work=0.0,
             momentum=(float(momentum[0]), float(momentum[1])),
         )

@@ -211,7 +211,7 @@ class ExplicitMaterialPoints:
         momentum = np.sum([motion.momentum for motion in motions], axis=0)
         fallen = float(gravity @ (_first_moment(motions) - self._start))
         return Balance(
-            elastic=sum(float(body.energy_density() @ body.points.volume) for body in moving),
+            elastic=sum(float((body.energy_density() * body.points.volume).sum()) for body in moving),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
             kinetic=sum(motion.energy for motion in motions),
             external_work=fallen + self._boundary_work + self.contact.work_of_rigid,
@@ -282,9 +282,8 @@ class ExplicitMaterialPoints:
         phase_field = np.concatenate([body.points.c for body in self.bodies])
         lower, upper = cells.min(axis=0), cells.max(axis=0)
         number = np.ravel_multi_index((cells - lower).T, upper - lower + 1)
-        count = np.bincount(number)
-        occupied = np.flatnonzero(count)
-        mean = np.bincount(number, weights=phase_field)[occupied] / count[occupied]
+        occupied, place, count = np.unique(number, return_inverse=True, return_counts=True)
+        mean = np.bincount(place, weights=phase_field) / count
         first = np.column_stack(np.unravel_index(occupied, upper - lower + 1)) + lower
         steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
         corners = (first[:, None, :] + steps).reshape(-1, 2)
@@ -307,11 +306,8 @@ class ExplicitMaterialPoints:
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Arrays from which `restore` makes the state again."""
-        contact = self.contact
-        work = [self._boundary_work, self._boundary_power, contact.work, contact.work_of_rigid]
-        arrays = {"work": np.array(work), "impulse": contact.impulse.copy()}
-        names = ("contact_nodes", "contact_C1", "contact_C2", "contact_C3", "contact_C4")
-        arrays["violations"] = np.array([contact.violations[name] for name in names])
+        arrays = {"boundary": np.array([self._boundary_work, self._boundary_power])}
+        arrays |= {f"contact_{name}": array for name, array in self.contact.checkpoint().items()}
         for number, body in enumerate(self.bodies):
             arrays |= {f"body{number}_{name}": array for name, array in body.checkpoint().items()}
         for number, phase_field in enumerate(self.phase_fields):
@@ -320,18 +316,17 @@ class ExplicitMaterialPoints:
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to the state of a checkpoint of the same case."""
-        contact = self.contact
-        self._boundary_work, self._boundary_power, contact.work, contact.work_of_rigid = map(float, saved["work"])
-        contact.impulse = saved["impulse"].copy()
-        names = ("contact_nodes", "contact_C1", "contact_C2", "contact_C3", "contact_C4")
-        contact.violations.clear()  # to update adds
-        contact.violations.update(dict(zip(names, map(int, saved["violations"]), strict=True)))
+        self._boundary_work, self._boundary_power = map(float, saved["boundary"])
+        self.contact.restore(_part(saved, "contact_"))
         for number, body in enumerate(self.bodies):
-            prefix = f"body{number}_"
-            body.restore({k.removeprefix(prefix): v for k, v in saved.items() if k.startswith(prefix)})
+            body.restore(_part(saved, f"body{number}_"))
         for number, phase_field in enumerate(self.phase_fields):
-            prefix = f"phase_field{number}_"
-            phase_field.restore({k.removeprefix(prefix): v for k, v in saved.items() if k.startswith(prefix)})
+            phase_field.restore(_part(saved, f"phase_field{number}_"))
+
+
+def _part(saved: Mapping[str, NDArray], prefix: str) -> dict[str, NDArray]:
+    """Arrays whose names begin with a prefix, under the rest of their names."""
+    return {name.removeprefix(prefix): array for name, array in saved.items() if name.startswith(prefix)}
 
 
 def _first_moment(motions: list[Motion]) -> NDArray:

@@ -173,7 +173,7 @@ class PointPhaseField:
 
     def fracture_energy(self) -> float:
         """Energy of the body's cracks [energy] (Eq. 2.49)."""
-        return float(self._body.points.crack_energy @ self._body.points.volume)
+        return float((self._body.points.crack_energy * self._body.points.volume).sum())
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Where the next solution starts from."""

@@ -11,6 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from cases import Case, CaseError
 from cases.spacing import grid_lines
+from numerics.staggered import NewtonError
 
 from .splines import Axis
 
@@ -19,8 +20,8 @@ class GridError(CaseError):
     """No grid can be made as the case asks; the message is one sentence that ends with the remedy."""
 
 
-class LostPointsError(RuntimeError):
-    """Material points have left the grid."""
+class LostPointsError(NewtonError):
+    """Material points have left the grid: no increment finds equilibrium there."""
 
 
 class Slit:

@@ -16,13 +16,13 @@ from physics.phase_field import degradation
 
 from . import explicit_kernels
 from .explicit_kernels import DRIFT, STRIP, kernels
-from .grid import LostPointsError
+from .grid import GridError
 from .placement import PointCloud
 
 #: nodes of a window beyond which a body has come apart over the whole neighbourhood
 MOST_NODES = 50_000_000
-#: share of a body's moment of inertia about the window's corner that is lost in the difference to its middle's
-ROUND_OFF = 1e-14
+#: least moment of inertia of a body that can spin, over that about the window's corner: less is round-off
+LEAST_INERTIA = 1e-14
 #: cells of the window around the body's points
 MARGIN = DRIFT + 1
 
@@ -132,11 +132,13 @@ class MovingBody:
     def __init__(self, case: Case, number: int, cloud: PointCloud) -> None:
         name, body = list(case.bodies.items())[number]
         self.name, self.rigid, self._dynamics = name, body.rigid, case.dynamics
-        self.h, self.order, self.thickness = case.mesh.h, case.mpm.order, case.plane.thickness
+        self.h, self.order = case.mesh.h, case.mpm.order
         self.origin = case.bounding_box()[0]
         self.kernels = kernels(self.order)
         self._set_material(case, number)
         places = np.flatnonzero(cloud.body == number)
+        if not len(places):
+            raise GridError(f"{case.source}: bodies.{name}: it is too thin for points to lie in it; make mesh.h smaller.")
         self.rigid_velocity = np.array(body.velocity)
         self.corner = np.zeros(2, np.int64)
         self.points = self._make_points(cloud, places, body.initial_velocity(cloud.positions[places]))
@@ -151,6 +153,7 @@ class MovingBody:
         self.density = float(table.density[number])
         self.breakable, self.split = bool(table.breakable[number]) and not self.rigid, int(table.law.split[number])
         self.residual_stiffness = float(table.residual_stiffness[number])
+        self._irreversible = case.staggered.irreversible
         self._has_axes = bool(table.fourth_order[number]) and not self.rigid
 
     def _make_points(self, cloud: PointCloud, places: NDArray, velocity: NDArray) -> Points:
@@ -179,9 +182,9 @@ class MovingBody:
         lower, upper = cells.min(axis=1) - MARGIN, cells.max(axis=1) + MARGIN
         self.shape = upper - lower + 1 + self.order
         if np.prod(self.shape.astype(float)) > MOST_NODES:
-            raise LostPointsError(
-                f"the points of body '{self.name}' are spread over {self.shape[0]} x {self.shape[1]} cells;"
-                " shorten dynamics.end_time or look for what throws them out"
+            raise BlewUpError(
+                f"the points of body '{self.name}' are spread over {self.shape[0]} x {self.shape[1]} nodes, more than"
+                " there is room for; shorten dynamics.end_time, or enlarge mesh.h"
             )
         shift = self.corner - lower
         points.x += shift[0]
@@ -332,7 +335,7 @@ class MovingBody:
             explicit_kernels.degraded_stresses(
                 p.exx, p.eyy, p.gxy, self.lam, self.mu, self.split, p.g, p.sxx, p.syy, p.sxy, p.psi_plus, p.psi_minus
             )
-            np.maximum(p.history, p.psi_plus, out=p.history)
+            np.maximum(p.history if self._irreversible else 0.0, p.psi_plus, out=p.history)
         else:
             explicit_kernels.elastic_stresses(p.exx, p.eyy, p.gxy, self.lam, self.mu, p.sxx, p.syy, p.sxy)
 
@@ -393,7 +396,7 @@ class MovingBody:
     def damping_power(self) -> float:
         """Power of the damping in this step, at most zero [energy/time]."""
         grid, rate = self.grid, self._dynamics.damping if self._dynamics else 0.0
-        return -rate * float(grid.m @ (grid.old_x * grid.vx + grid.old_y * grid.vy)) if rate else 0.0
+        return -rate * float((grid.m * (grid.old_x * grid.vx + grid.old_y * grid.vy)).sum()) if rate else 0.0
 
     def motion(self) -> Motion:
         """The motion of the body as a whole, in one pass over its points."""
@@ -404,7 +407,7 @@ class MovingBody:
         inertia = square - mass * float(middle @ middle)
         turning -= float(middle[0] * momentum_y - middle[1] * momentum_x)
         # a single point has no spin
-        spin = turning / (self.h * inertia) if inertia > ROUND_OFF * square else 0.0
+        spin = turning / (self.h * inertia) if inertia > LEAST_INERTIA * square else 0.0
         place = self.origin + self.h * (self.corner + middle)
         return Motion(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
 

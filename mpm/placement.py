@@ -20,7 +20,7 @@ class PointCloud:
     ----------
     positions : (n, 2).
     volume : (n,) area times thickness.
-    size : (n, 2) extent in x and y of the rectangle that the point stands for.
+    size : (n, 2) extent in x and y of the rectangle that the point stands for; on circles, radially and round about.
     corner : (n, 2) lower corner of that rectangle, from the point.
     body : (n,) number of the body.
     """

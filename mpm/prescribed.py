@@ -93,7 +93,10 @@ def held_lines(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> l
     lines = []
     for number, constraint in enumerate(case.constraints):
         if constraint.direction == "phase":
-            continue
+            raise GridError(
+                f"{case.source}: constraints[{number}].direction = 'phase': explicit material points hold no phase field;"
+                ' remove it, draw a notch of kind = "history", or run the case with solver = "fem".'
+            )
         boundary = case.boundaries[constraint.on]
         component, velocity = DIRECTIONS[constraint.direction], constraint.velocity or 0.0
         places, _ = select(boundary)
@@ -169,4 +172,4 @@ class Tractions:
     def power(self) -> float:
         """Of the tractions in this step, on the mean of the velocities before and after it."""
         grids = [body.grid for body in self._bodies]
-        return sum(float(0.5 * (g.ex @ (g.old_x + g.vx) + g.ey @ (g.old_y + g.vy))) for g in grids)
+        return sum(float(0.5 * (g.ex * (g.old_x + g.vx) + g.ey * (g.old_y + g.vy)).sum()) for g in grids)

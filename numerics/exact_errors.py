@@ -41,6 +41,6 @@ def moving_errors(case: Case, fields: Fields) -> dict[str, float]:
 
 def _relative_error(values: NDArray, exact: NDArray, volume: NDArray) -> float:
     def norm(field: NDArray) -> float:
-        return float(np.sqrt(volume @ (field.reshape(len(volume), -1) ** 2).sum(axis=1)))
+        return float(np.sqrt((volume * (field.reshape(len(volume), -1) ** 2).sum(axis=1)).sum()))
 
     return norm(values - exact) / norm(exact)

@@ -55,7 +55,7 @@ class DynamicDiscretisation(Protocol):
         """Go from time `now` to `now + size`, phase field included; raises BlewUpError."""
 
     def balance(self) -> Balance:
-        """Energies and momentum now."""
+        """Energies and momentum now; sums of the linear algebra's library would depend on its number of threads."""
 
     def least_phase_field(self) -> float:
         """Smallest phase field."""
@@ -82,12 +82,18 @@ LARGEST_GAIN = 2.0
 
 @dataclass(frozen=True)
 class Instant:
-    """State of the run at one time; ``steps_per_second`` since the start, ``columns`` those of the discretisation."""
+    """State of the run at one time.
+
+    ``energy_at_start`` is what the bodies held at time 0 [energy], ``steps_per_second`` the pace since then; each step
+    takes the ``passes``; ``columns`` are those of the discretisation.
+    """
 
     step: int
     time: float
     balance: Balance
+    energy_at_start: float
     c_min: float
+    passes: int
     steps_per_second: float
     seconds: float
     status: str
@@ -123,7 +129,7 @@ class Instant:
             "E_kin": balance.kinetic,
             "W_ext": balance.external_work,
             "c_min": self.c_min,
-            "staggered": 1,
+            "staggered": self.passes,
             "newton": 0,
             "seconds": round(self.seconds, 6),
             "W_contact": balance.contact_work,
@@ -162,6 +168,7 @@ class _TimeMarch:
     def __init__(self, discretisation: DynamicDiscretisation, case: Case, after: Instant | None) -> None:
         assert case.dynamics is not None
         self.discretisation, self.after = discretisation, after
+        self.passes = case.staggered.passes
         self.end = case.dynamics.end_time
         self.n_steps = number_of_steps(case, discretisation.stable_step())
         self.size = self.end / self.n_steps
@@ -170,7 +177,7 @@ class _TimeMarch:
         #: steps after which the state is told, snapshots and frames at the first step that reaches their time
         self.told = {*map(int, np.round(evenly)), *(int(np.ceil(t / self.size * (1.0 - 1e-12))) for t in times)}
         self.started = time.perf_counter() - (after.seconds if after else 0.0)
-        self.first = discretisation.balance().total if after is None else 0.0
+        self.energy_at_start = after.energy_at_start if after else discretisation.balance().total
 
     def follow(self) -> Iterator[Instant]:
         """The first state, then each one that is told."""
@@ -199,7 +206,9 @@ class _TimeMarch:
             step=step,
             time=step * self.size,
             balance=balance,
+            energy_at_start=self.energy_at_start,
             c_min=self.discretisation.least_phase_field(),
+            passes=self.passes,
             steps_per_second=step / seconds if seconds else 0.0,
             seconds=seconds,
             status="blew_up" if problem else "running",
@@ -212,7 +221,7 @@ class _TimeMarch:
         """What speaks for instability: energy that nobody put in."""
         if not np.isfinite(balance.total):
             return f"step {step}: the energy is not finite"
-        given = self.first + abs(balance.external_work)
+        given = self.energy_at_start + abs(balance.external_work)
         if balance.kinetic + balance.elastic > LARGEST_GAIN * given and given > 0.0:
             return (
                 f"step {step}: the energy has grown to {balance.total:.4g} of {given:.4g} given to the bodies; the time"

@@ -44,23 +44,24 @@ def proven_step(case: Case) -> float:
             ' mpm.order = 2 or 3, time_step_rule = "courant", or a time_step.'
         )
     values = [
-        largest_eigenvalue(order, case.mesh.h, table.lame_lambda[i], table.shear_modulus[i], density)
-        for i, density in enumerate(table.density)
+        largest_eigenvalue(order, case.mesh.h, table.lame_lambda[i], table.shear_modulus[i], table.density[i])
+        for i in _deforming(case)
     ]
     assert case.dynamics is not None
     lost = case.dynamics.order_of_update == "usl" and not case.dynamics.affine
     return 2.0 / float(np.sqrt((2.0 if lost else 1.0) * max(values)))
 
 
-def wave_speeds(case: Case) -> np.ndarray:
-    """Speed of pressure waves (n_bodies,), sqrt((lambda + 2 mu) / density) [length/time] (Eq. 6.49, with its root)."""
-    table = MaterialTable(case)
-    return np.sqrt((table.lame_lambda + 2.0 * table.shear_modulus) / table.density)
+def _deforming(case: Case) -> list[int]:
+    """Numbers of the bodies that waves run through."""
+    return [number for number, body in enumerate(case.bodies.values()) if not body.rigid]
 
 
 def courant_step(case: Case) -> float:
-    """h / c, the fastest body's (Eq. 6.48) [time]."""
-    return case.mesh.h / float(wave_speeds(case).max())
+    """h / c of the body with the fastest pressure waves, c = sqrt((lambda + 2 mu) / density) (Eq. 6.48) [time]."""
+    table = MaterialTable(case)
+    speeds = np.sqrt((table.lame_lambda + 2.0 * table.shear_modulus) / table.density)
+    return case.mesh.h / float(speeds[_deforming(case)].max())
 
 
 def stable_step(case: Case) -> float:

@@ -59,7 +59,7 @@ def test_a_run_that_does_not_converge_exits_2_and_says_what_was_saved(
     case = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem"))
     assert verify("run", case, *options) == 2
     said = capsys.readouterr().out
-    assert "the smallest increment failed; the last good state is saved there" in said
+    assert "the smallest increment failed; what came before is saved there" in said
     assert verify("compare", case, *options) == 2
     assert verify("run", case, *options) == 2, "up to date, and still not converged"
 

@@ -3,13 +3,16 @@
 import textwrap
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from moving_plate import MOVING, PLATE, PULLED, STILL, all_steps, check_window, plate_case, run_to
 
 from cases import CaseError, load_case
 from fem_reference import ExplicitFiniteElements, FiniteElements
+from mpm import ExplicitMaterialPoints
 from numerics.explicit import instants, number_of_steps
+from numerics.threads import use_threads
 
 BAR = """
     title = "Bar in motion"
@@ -96,6 +99,25 @@ def test_the_work_of_a_moved_boundary_becomes_energy(tmp_path):
     assert balance.total - start == pytest.approx(balance.external_work, rel=2e-3)
 
 
+def test_damping_slows_a_free_body_and_its_work_is_counted(tmp_path):
+    free = BAR[: BAR.index("    constraints")] + BAR[BAR.index("    dynamics") :]
+    moving = free.replace("shape =", "velocity = [1.0, 0.5], shape =")
+    case = case_of(tmp_path, moving, h=0.5, share="0.5, damping = 0.3")
+    first, *_, last = (instant.balance for instant in instants(ExplicitFiniteElements(case), case))
+    slowed = np.exp(-0.3 * 4.0)
+    assert last.momentum == pytest.approx((10.0 * slowed, 5.0 * slowed), rel=1e-3)
+    assert last.external_work == pytest.approx(last.total - first.total, rel=1e-3)
+    assert last.external_power == pytest.approx(-2.0 * 0.3 * last.kinetic, rel=1e-12)
+
+
+def test_a_run_starts_from_the_exact_velocity_and_from_no_exact_strain(variant):
+    bar = variant("vibrating_bar", "fem", mesh={"h": 5.0})
+    start = ExplicitFiniteElements(bar).balance().kinetic
+    assert start == pytest.approx(ExplicitMaterialPoints(bar).balance().kinetic, rel=0.02)
+    with pytest.raises(CaseError, match=r"exact = 'spinning_disc': it starts strained.*solver = \"mpm\""):
+        ExplicitFiniteElements(variant("rotating_stressed_disc", "fem"))
+
+
 def plate(tmp_path: Path, tolerance: float = 1e-3, passes: int = 1) -> ExplicitFiniteElements:
     texts = (PLATE, MOVING, PULLED)
     return ExplicitFiniteElements(plate_case(tmp_path, *texts, run="fem", tolerance=tolerance, passes=passes))
@@ -154,6 +176,20 @@ def test_a_run_goes_on_from_its_checkpoint_bit_by_bit(tmp_path):
     np.testing.assert_array_equal(resumed.displacement, whole.displacement)
     np.testing.assert_array_equal(resumed.fields().phase_field, whole.fields().phase_field)
     assert resumed.balance() == whole.balance()
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+def test_one_thread_and_two_give_the_same_bits(tmp_path):
+    case = plate_case(tmp_path, PLATE.replace("h = 0.5", "h = 0.15"), MOVING, PULLED, run="fem")
+    before, states = numba.get_num_threads(), []
+    for threads in (1, 2):
+        use_threads(threads)
+        body = ExplicitFiniteElements(case)
+        run_to(body, 0, 20)
+        states.append((body.balance(), body.fields().phase_field))
+    use_threads(before)
+    assert states[0][0] == states[1][0]
+    np.testing.assert_array_equal(states[0][1], states[1][1])
 
 
 def test_several_bodies_are_refused_with_a_remedy(tmp_path):

@@ -34,6 +34,15 @@ def test_a_crack_travels_with_its_body(tmp_path):
     assert points.balance().fracture == pytest.approx(energy, rel=1e-9)
 
 
+def test_a_phase_field_that_may_heal_is_driven_by_the_present_energy(tmp_path):
+    moving = MOVING.replace("passes = <passes>", "passes = <passes>, irreversible = false")
+    points = ExplicitMaterialPoints(plate_case(tmp_path, PLATE, moving, PULLED))
+    run_to(points, 0, 20)
+    body = points.bodies[0].points
+    np.testing.assert_array_equal(body.history, body.psi_plus)
+    assert body.psi_plus.max() > 0.0 and body.c.min() > 0.9, "the notch that a history field draws has healed"
+
+
 def test_a_body_without_fracture_table_has_no_phase_field(tmp_path):
     text = PLATE.replace('bodies.plate.material = "glass"', 'bodies.plate.material = "steel"')
     points = ExplicitMaterialPoints(plate_case(tmp_path, text, MOVING, PULLED))

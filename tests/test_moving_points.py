@@ -1,14 +1,18 @@
 """The explicit material point method: bases, steps, rotation, contact, resuming, errors."""
 
+import numba
 import numpy as np
 import pytest
 
 from cases import Case, CaseError, case_from_tables
-from mpm import ExplicitMaterialPoints
+from mpm import ExplicitMaterialPoints, moving_body
+from mpm.contact import COUNTERS
 from mpm.explicit_kernels import spline_values, turned_strain
 from mpm.moving_body import MovingBody
 from numerics.explicit import instants
-from numerics.time_steps import LARGEST_GRADIENT, largest_eigenvalue, proven_step
+from numerics.threads import use_threads
+from numerics.time_steps import LARGEST_GRADIENT, largest_eigenvalue, proven_step, stable_step
+from verify import run
 
 STEEL = {"young": 1.0, "poisson": 0.3, "density": 1.0}
 
@@ -133,24 +137,23 @@ def test_bodies_push_when_they_touch_and_not_a_cell_before():
     assert approach(by_distance=False) > 1.0
 
 
-def collision(threads: int = 1) -> dict:
-    import numba
-
+def collision(threads: int = 1, h: float = 0.25, end_time: float = 6.0) -> tuple[dict, list[dict]]:
+    """State at the end, with the counts of contact, and the history without its seconds."""
     bodies = {
         "a": {"material": "soft", "shape": {"disc": {"centre": [0.0, 0.0], "radius": 1.0}}, "velocity": [0.02, 0.0]},
         "b": {"material": "soft", "shape": {"disc": {"centre": [2.05, 0.6], "radius": 1.0}}, "velocity": [-0.02, 0.0]},
     }
-    case = case_of(bodies, 6.0, contact={"friction": 0.3}, mpm={"placement": "rings"})
+    case = case_of(bodies, end_time, h=h, contact={"friction": 0.3}, mpm={"placement": "rings"})
     before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    use_threads(threads)
     solver = ExplicitMaterialPoints(case)
-    list(instants(solver, case))
-    numba.set_num_threads(before)
-    return {**solver.checkpoint(), "counts": solver.contact.violations}
+    rows = [instant.row() | {"seconds": 0.0} for instant in instants(solver, case)]
+    use_threads(before)
+    return {**solver.checkpoint(), "counts": solver.contact.violations}, rows
 
 
 def test_free_bodies_keep_their_momentum_and_contact_keeps_its_conditions():
-    state = collision()
+    state, _ = collision()
     x = state["body0_mass"] @ state["body0_vx"] + state["body1_mass"] @ state["body1_vx"]
     y = state["body0_mass"] @ state["body0_vy"] + state["body1_mass"] @ state["body1_vy"]
     assert abs(x) + abs(y) < 1e-14
@@ -168,9 +171,120 @@ def test_going_back_to_a_state_sets_its_counts_back_too():
     assert before["contact_nodes"] > 0 and dict(solver.contact.violations) == before
 
 
-def test_one_thread_and_two_give_the_same_bits():
-    one, two = collision(1), collision(2)
+def test_three_bodies_in_a_row_hand_their_momentum_on():
+    bodies = {"a": square(0.0, velocity=[0.1, 0.02]), "b": square(1.1), "c": square(2.2, velocity=[-0.02, 0.0])}
+    case = case_of(bodies, 8.0, contact={"friction": 0.2})
+    solver = ExplicitMaterialPoints(case)
+    rows = [instant.row() for instant in instants(solver, case)]
+    for direction, start in (("x", 0.08), ("y", 0.02)):
+        assert rows[-1][f"momentum_{direction}"] == pytest.approx(start, rel=1e-12)
+        assert sum(rows[-1][f"{body}_impulse_{direction}"] for body in "abc") == pytest.approx(0.0, abs=1e-15)
+    assert rows[-1]["c_impulse_x"] > 0.02, "through the one in the middle"
+    assert rows[-1]["W_contact"] < 0.0
+    assert not any(solver.contact.violations[name] for name in COUNTERS[2:])
+
+
+@pytest.mark.parametrize("approach", [True, False])
+def test_normals_that_agree_are_counted_where_bodies_approach(approach):
+    speed = 0.05 if approach else -0.05
+    solver = ExplicitMaterialPoints(case_of({"a": square(0.0, velocity=[speed, 0.0]), "b": square(1.0)}))
+    for body in solver.bodies:
+        body.map_to_grid()
+        body.find_trial_velocities(0.01)
+    solver.contact.detect()
+    solver.contact._touching[0][3].opposed[:] = False
+    solver.contact.exchange(0.01)
+    assert solver.contact.violations["contact_C1"] == solver.contact.violations["contact_nodes"]
+    assert (solver.contact.violations["contact_C1"] > 0) == approach
+
+
+def test_a_rigid_body_pushes_on_and_gives_what_it_does_as_work():
+    """A wall that moves drives a square before it: momentum and energy come from outside."""
+    bodies = {"wall": square(0.0, rigid=True, velocity=[0.05, 0.0]), "a": square(1.05)}
+    case = case_of(bodies, 6.0)
+    solver = ExplicitMaterialPoints(case)
+    last = list(instants(solver, case))[-1]
+    assert last.columns["wall_x"] == pytest.approx(0.5 + 0.05 * 6.0, rel=1e-12)
+    given = last.balance.momentum[0]
+    assert given > 0.04 and last.columns["a_impulse_x"] == pytest.approx(given, rel=1e-12)
+    assert last.balance.external_work == pytest.approx(0.05 * given, rel=1e-12)
+
+
+def test_further_passes_are_told_and_press_on_a_floor_once():
+    shape = {"rectangle": {"lower": [-1.0, -1.0], "upper": [2.0, 0.0]}}
+    bodies = {"a": square(0.0), "floor": {"material": "soft", "rigid": True, "shape": shape}}
+    loads = []
+    for passes in (1, 3):
+        more = {"dynamics": {"gravity": [0.0, -0.1]}, "staggered": {"scheme": "passes", "passes": passes}}
+        case = case_of(bodies, 2.0, **more)
+        solver = ExplicitMaterialPoints(case)
+        assert {instant.row()["staggered"] for instant in instants(solver, case)} == {passes}
+        loads.append(solver.checkpoint()["contact_last_floor_load"])
+    assert loads[0][:, 1].sum() > 0.0
+    np.testing.assert_array_equal(*loads)
+
+
+def test_a_rigid_body_sets_no_time_step():
+    stiff = {"materials": {"soft": STEEL, "stiff": STEEL | {"young": 100.0}}}
+    floor = square(2.0, rigid=True) | {"material": "stiff"}
+    for rule in ("proven", "courant"):
+        alone, beside = (
+            stable_step(case_of(bodies, dynamics={"time_step_rule": rule}, **stiff))
+            for bodies in ({"a": square(0.0)}, {"a": square(0.0), "floor": floor})
+        )
+        assert beside == alone
+
+
+def test_bodies_far_apart_fill_no_more_cells():
+    case = case_of({"a": square(0.0), "b": square(2e4)})
+    solver = ExplicitMaterialPoints(case)
+    solver.bodies[1].corner = solver.bodies[1].corner + 2_000_000_000
+    fields = solver.fields()
+    assert len(fields.grid_cells) == 2 * 16
+    assert fields.grid_points[:64].max() == 1.0 and fields.grid_points[64:].min() >= 5e8
+
+
+def test_points_spread_over_too_many_nodes_end_the_run_in_a_sentence(monkeypatch, tmp_path):
+    case = case_of({"a": square(0.0, velocity_gradient=[[2.0, 0.0], [0.0, 2.0]])}, 4.0)
+    monkeypatch.setattr(moving_body, "MOST_NODES", 100)
+    done = run(case, "mpm", "standard", tmp_path)
+    assert done.info["status"] == "blew_up" and not (done.folder / "traceback.txt").exists()
+    assert "points of body 'a' are spread over" in done.info["reason"]
+    assert "shorten dynamics.end_time" in done.info["reason"]
+
+
+def test_a_body_without_points_is_refused():
+    inner, outer = ({"disc": {"centre": [2.0, 0.0], "radius": radius}} for radius in (0.09, 0.1))
+    ring = {"difference": {"of": outer, "minus": [inner]}}
+    case = case_of({"a": square(0.0), "b": {"material": "soft", "shape": ring}}, mpm={"points_per_cell": 1})
+    with pytest.raises(CaseError, match=r"bodies.b: it is too thin for points to lie in it; make mesh.h smaller"):
+        ExplicitMaterialPoints(case)
+
+
+def spread_of_speed(flip: float) -> float:
+    """Of the points of a square at the end that start with random speeds."""
+    case = case_of({"a": square(0.0)}, 0.5, dynamics={"flip": flip})
+    solver = ExplicitMaterialPoints(case)
+    points = solver.bodies[0].points
+    points.vx += 1e-3 * np.random.default_rng(0).standard_normal(len(points.vx))
+    start = points.mass @ points.vx
+    last = list(instants(solver, case))[-1]
+    assert last.balance.momentum[0] == pytest.approx(start, rel=1e-12)
+    return float(solver.bodies[0].points.vx.std())
+
+
+def test_flip_keeps_what_pic_smooths():
+    pic, blend, flip = (spread_of_speed(share) for share in (0.0, 0.9, 1.0))
+    assert pic < 0.5 * blend < 0.4 * flip
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+@pytest.mark.parametrize(("h", "end_time"), [(0.25, 6.0), (0.03, 0.05)])
+def test_one_thread_and_two_give_the_same_bits(h, end_time):
+    """The linear algebra shares the sums over the many points of the small spacing out among its threads."""
+    (one, rows), (two, others) = collision(1, h, end_time), collision(2, h, end_time)
     assert all(np.array_equal(one[name], two[name], equal_nan=True) for name in one if name != "counts")
+    assert rows == others
 
 
 def test_a_run_that_goes_on_from_a_checkpoint_ends_with_the_same_bits():
@@ -206,11 +320,24 @@ def test_a_step_above_the_limit_ends_as_blown_up():
         ({"output": {"snapshots": [0.1]}}, "output.times"),
         ({"contact": {"pairs": [{"bodies": ["a", "c"], "friction": 0.1}]}}, "not a body"),
         ({"bodies": {"a": square(0.0), "b": square(0.5)}}, "overlaps"),
+        ({"bodies": {"a": square(0.0, rigid=True, velocity_gradient=[[0, 1], [0, 0]])}}, "keeps one velocity"),
+        ({"bodies": {"a": square(0.0, rigid=True)}}, "leaves nothing that moves freely; give rigid = false"),
+        ({"output": {"times": [0.5, 2.0]}}, r"'output.times\[1\]' = 2.0 comes after the end"),
+        ({"mesh": {"h": 0.25, "geometry": "updated"}}, r"'mesh.geometry' = 'updated' has no effect in dynamics"),
+        ({"mpm": {"penalty": 1e3}}, r"'mpm.penalty' = 1000.0 has no effect in dynamics; remove it\."),
+        ({"mpm": {"fill_cells": True}}, "remove it or give false"),
+        ({"staggered": {"scheme": "converged"}}, 'remove it or give "passes"'),
     ],
 )
 def test_a_slip_in_a_dynamic_case_gets_one_sentence(change, said):
     with pytest.raises(CaseError, match=said):
         case_of(change.pop("bodies", {"a": square(0.0)}), **change)
+
+
+def test_a_phase_field_that_points_cannot_hold_is_refused():
+    case = case_of({"a": square(0.0)}, constraints=[{"on": "left", "direction": "phase", "value": 0.0}])
+    with pytest.raises(CaseError, match=r"constraints\[0\].direction = 'phase'.* hold no phase field; remove it"):
+        ExplicitMaterialPoints(case)
 
 
 def test_a_traction_moves_a_free_square_as_newton_says():
@@ -219,6 +346,15 @@ def test_a_traction_moves_a_free_square_as_newton_says():
     assert last.balance.momentum[0] == pytest.approx(1e-3 * 2.0, rel=1e-12)
     # the shock of a sudden push is smeared over the four cells
     assert last.balance.external_work == pytest.approx(last.balance.total, rel=0.05)
+
+
+def test_a_traction_grows_over_its_ramp():
+    tractions = [{"on": "left", "value": [1e-3, 0.0], "ramp": 1.0}]
+    case = case_of({"a": square(0.0)}, 2.0, tractions=tractions)
+    momentum = {instant.time: instant.balance.momentum[0] for instant in instants(ExplicitMaterialPoints(case), case)}
+    for time, impulse in momentum.items():
+        expected = 0.5e-3 * time**2 if time < 1.0 else 1e-3 * (time - 0.5)
+        assert impulse == pytest.approx(expected, abs=0.05e-3)
 
 
 def test_a_held_edge_moves_as_prescribed():

@@ -395,6 +395,52 @@ def test_a_resumed_solution_is_that_of_an_uninterrupted_run(
     }
 
 
+@pytest.mark.usefixtures("save_always")
+def test_a_damped_bar_that_goes_on_is_not_taken_for_one_that_blew_up(variant, tmp_path: Path) -> None:
+    """What damping has taken by then is little beside the energy at the start."""
+    case = variant("vibrating_bar", mesh={"h": 10.0}, dynamics={"end_time": 0.1, "damping": 1.0})
+    with pytest.raises(InterruptedRunError):
+        run(case, "mpm", "standard", tmp_path, _stop_at(3))
+    done = run(case, "mpm", "standard", tmp_path, resume=True)
+    assert (done.info["status"], done.info["resumed_after_step"]) == ("complete", 3)
+    whole = run(case, "mpm", "standard", tmp_path / "whole")
+    assert done.history.drop(columns="seconds").equals(whole.history.drop(columns="seconds"))
+
+
+def test_points_that_leave_the_grid_end_the_run_in_a_sentence(variant, tmp_path: Path) -> None:
+    unbroken = {"steel": {"fracture": {"toughness": 1e6}}}
+    load, mpm = {"path": [0.0, 0.3], "increment": 0.1}, {"margin": 0, "move_points": True}
+    case = variant("homogeneous_bar", mpm=mpm, load=load, materials=unbroken)
+    done = run(case, "mpm", "standard", tmp_path)
+    assert done.info["status"] == "no_convergence" and not (done.folder / "traceback.txt").exists()
+    assert "material points have left the grid; enlarge mpm.margin" in done.info["reason"]
+
+
+@pytest.mark.usefixtures("save_always")
+def test_a_run_resumed_at_its_last_record_tells_the_same_measures(variant, tmp_path: Path) -> None:
+    case = variant("hertz_cylinder", mesh={"h": 0.8}, dynamics={"end_time": 0.02}, output={"records": 4})
+
+    def stop_at_the_end(instant) -> None:
+        if instant.share == 1.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(InterruptedRunError):
+        run(case, "mpm", "standard", tmp_path, stop_at_the_end)
+    measures = run(case, "mpm", "standard", tmp_path, resume=True).info["measures"]
+    assert measures["peak_pressure"] > 0.0
+    assert measures == run(case, "mpm", "standard", tmp_path / "whole").info["measures"]
+
+
+def test_a_run_that_blew_up_keeps_the_snapshots_before_and_no_state_of_the_wreck(variant, tmp_path: Path) -> None:
+    case = variant(
+        "vibrating_bar", mesh={"h": 10.0}, dynamics={"end_time": 2.0, "time_step_share": 2.5}, output={"times": [0.05]}
+    )
+    done = run(case, "mpm", "standard", tmp_path)
+    assert done.info["status"] == "blew_up" and done.history["time"].iloc[-1] > 0.1
+    assert [round(snapshot.u, 2) for snapshot in done.snapshots()] == [0.05]
+    assert done.info["measures"] == {} and np.isfinite(done.history.to_numpy()).all()
+
+
 def test_what_a_case_expects_is_judged_as_the_case_stands_now(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -197,5 +197,5 @@ def _outcome(job: Job, done: RunFolder, was_up_to_date: bool) -> Outcome:
     line = f"{info['status'].replace('_', ' ')} ({state}), {done.folder}"
     if done.good:
         return Outcome(job.title, line, False)
-    kept = "the last good state is saved there" if info["increments"] else "there is no good state"
+    kept = "what came before is saved there" if info["increments"] else "there is no good state"
     return Outcome(job.title, f"{line}; {info['reason']}; {kept}", True)

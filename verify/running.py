@@ -140,7 +140,8 @@ def run(
     Raises
     ------
     CaseError : bad case. WriteError : the folder cannot be written. InterruptedRunError : stopped.
-    A solver that fails raises nothing: the folder's status and reason tell, beside the last good state.
+    A solver that fails raises nothing: the folder's status and reason tell, beside the last good state where there was
+    a way back to it: of a run that blew up there are the snapshots before.
     """
     merged = case_for_run(case, run_name, tier)
     folder = case_folder(Path(out), merged, run_name)
@@ -209,7 +210,8 @@ class _Attempt:
             self.discretisation.costs.seconds["processor"] = processor
             self._take_up(self.discretisation)
             self._march(self.discretisation)
-            self._look_at_last_state(self.discretisation)
+            if self.status != "blew_up":  # it has left the last good state behind
+                self._look_at_last_state(self.discretisation)
         except (WriteError, CaseError):
             raise
         except Exception as error:
