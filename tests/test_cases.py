@@ -202,7 +202,7 @@ def test_a_check_of_alternatives_is_one_of_each(toy_file: Path) -> None:
         (1, "mpm", "mpm_a[h=0.05]"),
     ]
     tables["checks"] = [check | {"run": "{fem,mmp}_a[*]"}]
-    with pytest.raises(CaseError, match="'mmp_a.*did you mean 'mpm_a'"):
+    with pytest.raises(CaseError, match=r"'mmp_a.*did you mean 'mpm_a'"):
         case_from_tables(tables)
 
 
