@@ -119,18 +119,23 @@ def branching_time(ways: list[Branch]) -> float:
     return float(min(times, default=np.nan))
 
 
-def branching_angle(ways: list[Branch], length: float) -> float:
-    """Angle in degrees between the two longest branches over a length behind the place where they part."""
+def branching_angle(ways: list[Branch], length: float, h: float) -> float:
+    """Angle in degrees between the two longest branches over a length behind the place where they part, NaN for one.
+
+    h : nearer than this they are one [length].
+    """
     if len(ways) < 2:
         return float("nan")
     one, other = ways[:2]
-    directions = []
-    for way in (one, other):
-        fork = way.forks[0]
-        end = min(int(np.searchsorted(way.along, way.along[fork] + length)), len(way.along) - 1)
-        directions.append(way.points[end] - way.points[fork])
-    (ax, ay), (bx, by) = directions
+    ax, ay = _direction_behind(one, _parting(one.points, other.points, h), length)
+    bx, by = _direction_behind(other, _parting(other.points, one.points, h), length)
     return float(abs(np.degrees(np.arctan2(ax * by - ay * bx, ax * bx + ay * by))))
+
+
+def _direction_behind(way: Branch, place: int, length: float) -> Array:
+    """Vector (2,) from a place of a branch to that a length further on, to its end where it is shorter."""
+    end = min(int(np.searchsorted(way.along, way.along[place] + length)), len(way.along) - 1)
+    return way.points[end] - way.points[place]  # type: ignore[no-any-return]
 
 
 def fragments(

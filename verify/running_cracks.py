@@ -102,7 +102,7 @@ def branching_time(run: RunData) -> float:
 
 def branching_angle(run: RunData, *, length: float) -> float:
     """Angle between the two longest branches over a length behind their parting."""
-    return crack_front.branching_angle(_of_branches(run), length)
+    return crack_front.branching_angle(_of_branches(run), length, run.case.mesh.h)
 
 
 def branch_angle(run: RunData) -> float:
