@@ -51,6 +51,13 @@ def energy(run: Any) -> NDArray:
     return held - column(run, "W_ext") - column(run, "W_contact")  # type: ignore[no-any-return]
 
 
+def missing_energy(history: Any) -> NDArray:
+    """Energy held since the first row beyond what external forces and friction gave (n,)."""
+    held = history["E_el"] + history["E_frac"] + history["E_kin"]
+    less = held - history["W_ext"] - history.get("W_contact", 0.0)
+    return (less - less.iloc[0]).to_numpy(dtype=float)  # type: ignore[no-any-return]
+
+
 def energy_drift(run: Any, *, length: float) -> float:
     """Trend of the energy while a wave crosses `length`, over the energy at the start."""
     times, total = column(run, "time"), energy(run)

@@ -107,16 +107,17 @@ def fracture_energy(run: RunData) -> float:
 
 
 def energy_balance(run: RunData, *, at: str = "peak") -> float:
-    """abs(W_ext - E_el - E_frac - E_kin) / abs(W_ext) at the "peak" force or at the "end".
+    """What the balance of energies misses at the "peak" force or at the "end", over the work or the starting energy.
 
-    All are gains since the first row, whose energies (a notch of broken material) the load did not put in.
+    Of the two the larger one is taken; bodies that fly freely have no work. All are gains since the first row, whose
+    fracture energy (a notch of broken material) the load did not put in.
     """
     if at not in ("peak", "end"):
         raise MetricError(f"metric energy_balance: at = {at!r} is not known; give 'peak' or 'end'")
     row = curves.peak_index(curve_of(run)) if at == "peak" else -1
-    columns = (_column(run, name) for name in ("W_ext", "E_el", "E_frac", "E_kin"))
-    work, elastic, fracture, kinetic = (values[row] - values[0] for values in columns)
-    return abs(work - elastic - fracture - kinetic) / abs(work) if work else float("nan")
+    work = _column(run, "W_ext")
+    scale = max(abs(work[row] - work[0]), _column(run, "E_el")[0] + _column(run, "E_kin")[0])
+    return abs(dynamics.missing_energy(run.history)[row]) / scale if scale else float("nan")
 
 
 def fracture_energy_rate(run: RunData, *, share: float = 0.5) -> float:
@@ -367,7 +368,7 @@ METRICS = _registry(
     ),
     Metric("dissipated_work", "energy", "external work that unloading does not give back", dissipated_work),
     Metric("fracture_energy", "energy", "fracture energy at the end", fracture_energy),
-    Metric("energy_balance", "number", "share of the work that became no energy", energy_balance),
+    Metric("energy_balance", "number", "energy missing, over the work or the starting energy", energy_balance),
     Metric(
         "fracture_energy_rate",
         "toughness",
