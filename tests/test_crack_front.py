@@ -79,6 +79,20 @@ def test_the_angle_is_that_where_the_two_longest_ways_part_not_where_a_shorter_o
     assert crack_front.branching_angle(three, 10.0, H) == pytest.approx(120.0, abs=3.0)
 
 
+def test_a_branch_that_runs_into_another_ones_crack_encloses_a_piece():
+    points = lattice()
+    first, stem = FORK + arm(HALF_ANGLE, 12.0), np.linalg.norm(FORK - START)
+    across = (first, FORK + arm(-HALF_ANGLE, 12.0), stem + 12.0)
+    apart = np.isfinite(branched_crack(points)[1])
+    _, when = branched_crack(points, HALF_ANGLE, across)
+    met = np.isfinite(when)
+    assert crack_front.enclosed(points, apart, H, least=4.0) == 0
+    assert crack_front.enclosed(points, met, H, least=4.0) == 1
+    assert crack_front.enclosed(points, met, H, least=200.0) == 0
+    assert crack_front.enclosed(points, met & (when < (stem + 18.0) / SPEED), H, least=4.0) == 0
+    assert crack_front.enclosed(points, np.zeros(len(points), bool), H, least=4.0) == 0
+
+
 def test_a_straight_crack_does_not_branch():
     points = lattice()
     distance, along = distance_and_place(points, START, FORK)

@@ -395,6 +395,9 @@ METRICS = _registry(
     Metric("branching_angle", "degree", "angle between the two longest branches", running_cracks.branching_angle),
     Metric("branch_angle", "degree", "direction of the longest branch", running_cracks.branch_angle),
     Metric("branch_count", "number", "tips that the crack came to have", running_cracks.branch_count),
+    Metric(
+        "enclosed_pieces", "number", "pieces that branches enclose by running into cracks", running_cracks.enclosed_pieces
+    ),
     Metric("tip_speed", "velocity", "largest speed of a crack tip", running_cracks.tip_speed),
     Metric("fragments", "number", "connected pieces of unbroken material", running_cracks.fragments),
     Metric("cone_index", "number", "1 where a cone formed under an impact, else 0", running_cracks.cone_index),
