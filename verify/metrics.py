@@ -413,6 +413,7 @@ METRICS = _registry(
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
     Metric("period", "time", "mean period of an oscillation", dynamics.period),
     Metric("period_error", "number", "relative error of the vibrating bar's period", dynamics.period_error),
+    Metric("half_width_error", "number", "relative error of the half-width on a floor", dynamics.half_width_error),
     Metric("energy_drift", "number", "trend of the energy while a wave crosses a length", dynamics.energy_drift),
     Metric("energy_left", "number", "energy at the end over that at the start", dynamics.energy_left),
     Metric("contact_impulse", "momentum", "impulse of contact on a body", dynamics.contact_impulse),
