@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from verify.dynamics import missing_energy
 from verify.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style
@@ -85,11 +86,9 @@ def _draw_over_time(axes: Any, runs: list[RunResults], colours: dict[str, str], 
 
 
 def _missing_energy(history: pd.DataFrame) -> np.ndarray:
-    """What is held, less what was given, over the largest energy given until the end."""
-    held = history[["E_el", "E_frac", "E_kin"]].sum(axis=1)
-    worked = history["W_ext"] + history.get("W_contact", 0.0)
-    scale = float(held.iloc[0] - history["E_frac"].iloc[0] + history["W_ext"].abs().max())
-    return ((held - held.iloc[0] - worked) / (scale or 1.0)).to_numpy()
+    """What is held beyond what was given, over the largest energy given until the end."""
+    scale = history["E_el"].iloc[0] + history["E_kin"].iloc[0] + history["W_ext"].abs().max()
+    return missing_energy(history) / (float(scale) or 1.0)
 
 
 def _energy_table(run: RunResults) -> pd.DataFrame:

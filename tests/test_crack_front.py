@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from verify import crack_front
 
 H, LENGTH_SCALE = 0.5, 0.5
-SPEED, FORK, HALF_ANGLE = 0.8, np.array([30.0, 20.0]), np.radians(30.0)
+SPEED, FORK, HALF_ANGLE = 0.8, np.array([30.0, 20.0]), 30.0
 START = np.array([10.0, 20.0])
 
 
@@ -23,17 +23,27 @@ def distance_and_place(points, start, end):
     return np.linalg.norm(points - start - along[:, None] * direction, axis=1), along
 
 
-def branched_crack(points):
-    """Phase field and break times of a crack that runs at constant speed and forks into two."""
-    arm = 20.0 * np.array([np.cos(HALF_ANGLE), np.sin(HALF_ANGLE)])
-    stem = np.linalg.norm(FORK - START)
+def drawn_crack(points, *segments):
+    """Phase field and break times of a crack along segments (start, end, way of the tip to the start)."""
     phase, when = np.ones(len(points)), np.full(len(points), np.inf)
-    for start, end, before in ((START, FORK, 0.0), (FORK, FORK + arm, stem), (FORK, FORK + arm * [1, -1], stem)):
+    for start, end, before in segments:
         distance, along = distance_and_place(points, start, end)
         phase = np.minimum(phase, 1.0 - np.exp(-distance / (2.0 * LENGTH_SCALE)))
         near = distance < -2.0 * LENGTH_SCALE * np.log(0.75)
         when[near] = np.minimum(when[near], (before + along[near]) / SPEED)
     return phase, np.where(np.isfinite(when), when, np.nan)
+
+
+def arm(angle, length=20.0):
+    """Vector of an arm that leaves the crack's line by an angle in degrees."""
+    return length * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+
+
+def branched_crack(points, half_angle=HALF_ANGLE, *more):
+    """A crack that runs at constant speed and forks into two."""
+    stem = np.linalg.norm(FORK - START)
+    arms = [(FORK, FORK + arm(side * half_angle), stem) for side in (1, -1)]
+    return drawn_crack(points, (START, FORK, 0.0), *arms, *more)
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +54,8 @@ def ways():
 
 def test_both_branches_of_a_fork_are_found(ways):
     ends = sorted((way.points[-1] for way in ways), key=lambda end: end[1])
-    arm = 20.0 * np.array([np.cos(HALF_ANGLE), np.sin(HALF_ANGLE)])
     assert len(ways) == 2
-    np.testing.assert_allclose(ends, [FORK + arm * [1, -1], FORK + arm], atol=2 * H)
+    np.testing.assert_allclose(ends, [FORK + arm(-HALF_ANGLE), FORK + arm(HALF_ANGLE)], atol=2 * H)
 
 
 def test_the_speed_of_each_tip_is_that_of_the_drawn_crack(ways):
@@ -59,7 +68,29 @@ def test_the_speed_of_each_tip_is_that_of_the_drawn_crack(ways):
 
 def test_branching_time_and_angle(ways):
     assert crack_front.branching_time(ways) == pytest.approx(20.0 / SPEED, abs=3 * H / SPEED)
-    assert crack_front.branching_angle(ways, 10.0) == pytest.approx(60.0, abs=3.0)
+    assert crack_front.branching_angle(ways, 10.0, H) == pytest.approx(60.0, abs=3.0)
+
+
+def test_the_angle_is_that_where_the_two_longest_ways_part_not_where_a_shorter_one_left_before():
+    points, side = lattice(), np.array([20.0, 20.0])
+    shorter = (side, side + arm(90.0, 8.0), 10.0)
+    three = crack_front.branches(points, *branched_crack(points, 60.0, shorter), H, start=START)
+    assert len(three) == 3 and all(len(way.forks) == 2 for way in three[:2])
+    assert crack_front.branching_angle(three, 10.0, H) == pytest.approx(120.0, abs=3.0)
+
+
+def test_a_branch_that_runs_into_another_ones_crack_encloses_a_piece():
+    points = lattice()
+    first, stem = FORK + arm(HALF_ANGLE, 12.0), np.linalg.norm(FORK - START)
+    across = (first, FORK + arm(-HALF_ANGLE, 12.0), stem + 12.0)
+    apart = np.isfinite(branched_crack(points)[1])
+    _, when = branched_crack(points, HALF_ANGLE, across)
+    met = np.isfinite(when)
+    assert crack_front.enclosed(points, apart, H, least=4.0) == 0
+    assert crack_front.enclosed(points, met, H, least=4.0) == 1
+    assert crack_front.enclosed(points, met, H, least=200.0) == 0
+    assert crack_front.enclosed(points, met & (when < (stem + 18.0) / SPEED), H, least=4.0) == 0
+    assert crack_front.enclosed(points, np.zeros(len(points), bool), H, least=4.0) == 0
 
 
 def test_a_straight_crack_does_not_branch():

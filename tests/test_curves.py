@@ -336,6 +336,14 @@ def test_energy_balance_sees_lost_work():
     assert METRICS["energy_balance"](run, at="end") == pytest.approx(0.02)
 
 
+def test_energy_balance_of_a_free_body_counts_friction_and_is_a_share_of_its_starting_energy():
+    run, lost, friction = run_of(curve()), 0.03, -0.25
+    kinetic = np.linspace(1.0, 1.0 + friction - lost, len(run.history))
+    run.history = run.history.assign(W_ext=0.0, E_el=0.0, E_frac=0.0, E_kin=8.0 * kinetic)
+    run.history["W_contact"] = 8.0 * friction * np.linspace(0.0, 1.0, len(run.history))
+    assert METRICS["energy_balance"](run, at="end") == pytest.approx(lost)
+
+
 def test_fracture_energy_rate_is_the_slope_of_the_last_part_over_the_thickness():
     run = run_of(curve())
     run.history["E_frac"] = np.maximum(0.0, 7.0 * (run.history["u"] - 0.8))

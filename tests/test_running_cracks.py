@@ -59,6 +59,8 @@ def synthetic_run(broken: bool = True, shift: float = 0.0):
         ("branching_time", {}, 1.0 + np.linalg.norm(FORK - START) / SPEED, 3 * H / SPEED),
         ("branching_angle", {"length": 10.0}, 60.0, 3.0),
         ("branch_count", {}, 2.0, 0.0),
+        ("branch_count", {"until": 20.0}, 1.0, 0.0),
+        ("enclosed_pieces", {}, 0.0, 0.0),
         ("tip_speed", {"interval": 1.0}, SPEED, 0.25 * SPEED),
         ("tip_speed", {"interval": 1.0, "over_rayleigh": 1}, SPEED / 2.12521, 0.25 * SPEED / 2.12521),
         ("fragments", {}, 1.0, 0.0),

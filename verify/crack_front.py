@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from verify.crack_path import Array, resample, trace_tree
@@ -119,18 +120,23 @@ def branching_time(ways: list[Branch]) -> float:
     return float(min(times, default=np.nan))
 
 
-def branching_angle(ways: list[Branch], length: float) -> float:
-    """Angle in degrees between the two longest branches over a length behind the place where they part."""
+def branching_angle(ways: list[Branch], length: float, h: float) -> float:
+    """Angle in degrees between the two longest branches over a length behind the place where they part, NaN for one.
+
+    h : nearer than this they are one [length].
+    """
     if len(ways) < 2:
         return float("nan")
     one, other = ways[:2]
-    directions = []
-    for way in (one, other):
-        fork = way.forks[0]
-        end = min(int(np.searchsorted(way.along, way.along[fork] + length)), len(way.along) - 1)
-        directions.append(way.points[end] - way.points[fork])
-    (ax, ay), (bx, by) = directions
+    ax, ay = _direction_behind(one, _parting(one.points, other.points, h), length)
+    bx, by = _direction_behind(other, _parting(other.points, one.points, h), length)
     return float(abs(np.degrees(np.arctan2(ax * by - ay * bx, ax * bx + ay * by))))
+
+
+def _direction_behind(way: Branch, place: int, length: float) -> Array:
+    """Vector (2,) from a place of a branch to that a length further on, to its end where it is shorter."""
+    end = min(int(np.searchsorted(way.along, way.along[place] + length)), len(way.along) - 1)
+    return way.points[end] - way.points[place]  # type: ignore[no-any-return]
 
 
 def fragments(
@@ -158,6 +164,23 @@ def _pieces(points: Array, volume: NDArray, thickness: float, smallest: float) -
     links = sparse.coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(points),) * 2)
     count, label = sparse.csgraph.connected_components(links, directed=False)
     return int((np.bincount(label, weights=volume, minlength=count) >= smallest).sum())
+
+
+def enclosed(points: ArrayLike, broken: ArrayLike, h: float, least: float) -> int:
+    """Number of unbroken pieces of at least an area that cracks close off from the edges of the body.
+
+    Each was closed by a branch that ran into another one's crack. points : (n, 2). broken : (n,) mask. h : a box of
+    this size with a broken point is part of a crack [length].
+    """
+    where = np.asarray(points, dtype=float)[np.asarray(broken, dtype=bool)]
+    if not len(where):
+        return 0
+    box = np.floor((where - where.min(axis=0)) / h).astype(int) + 1
+    open_boxes = np.full(box.max(axis=0) + 2, True)
+    open_boxes[tuple(box.T)] = False
+    piece, _ = ndimage.label(open_boxes)
+    area = h * h * np.bincount(piece.ravel())
+    return int((np.delete(area, [0, piece[0, 0]]) >= least).sum())
 
 
 def asymmetry(points: ArrayLike, values: ArrayLike, axis: int, middle: float) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.exact_motion import bar_period, pressure_wave_speed
+from physics.exact_motion import bar_period, contact_half_width, pressure_wave_speed
 from verify.errors import MetricError
 
 
@@ -49,6 +49,21 @@ def energy(run: Any) -> NDArray:
     """Strain, fracture and kinetic energy less the external work and that of friction (n,)."""
     held = sum(column(run, name) for name in ("E_el", "E_frac", "E_kin"))
     return held - column(run, "W_ext") - column(run, "W_contact")  # type: ignore[no-any-return]
+
+
+def half_width_error(run: Any) -> float:
+    """Relative error of the half-width of the pressure on a floor, against Hertz's."""
+    measured = run.info.get("measures", {}).get("contact_half_width")
+    if measured is None:
+        raise MetricError(f"run {run.info.get('run', '')}: nothing rests on a floor; run it longer")
+    return abs(measured / contact_half_width(run.case) - 1.0)
+
+
+def missing_energy(history: Any) -> NDArray:
+    """Energy held since the first row beyond what external forces and friction gave (n,)."""
+    held = history["E_el"] + history["E_frac"] + history["E_kin"]
+    less = held - history["W_ext"] - history.get("W_contact", 0.0)
+    return (less - less.iloc[0]).to_numpy(dtype=float)  # type: ignore[no-any-return]
 
 
 def energy_drift(run: Any, *, length: float) -> float:

@@ -107,16 +107,17 @@ def fracture_energy(run: RunData) -> float:
 
 
 def energy_balance(run: RunData, *, at: str = "peak") -> float:
-    """abs(W_ext - E_el - E_frac - E_kin) / abs(W_ext) at the "peak" force or at the "end".
+    """What the balance of energies misses at the "peak" force or at the "end", over the work or the starting energy.
 
-    All are gains since the first row, whose energies (a notch of broken material) the load did not put in.
+    Of the two the larger one is taken; bodies that fly freely have no work. All are gains since the first row, whose
+    fracture energy (a notch of broken material) the load did not put in.
     """
     if at not in ("peak", "end"):
         raise MetricError(f"metric energy_balance: at = {at!r} is not known; give 'peak' or 'end'")
     row = curves.peak_index(curve_of(run)) if at == "peak" else -1
-    columns = (_column(run, name) for name in ("W_ext", "E_el", "E_frac", "E_kin"))
-    work, elastic, fracture, kinetic = (values[row] - values[0] for values in columns)
-    return abs(work - elastic - fracture - kinetic) / abs(work) if work else float("nan")
+    work = _column(run, "W_ext")
+    scale = max(abs(work[row] - work[0]), _column(run, "E_el")[0] + _column(run, "E_kin")[0])
+    return abs(dynamics.missing_energy(run.history)[row]) / scale if scale else float("nan")
 
 
 def fracture_energy_rate(run: RunData, *, share: float = 0.5) -> float:
@@ -367,7 +368,7 @@ METRICS = _registry(
     ),
     Metric("dissipated_work", "energy", "external work that unloading does not give back", dissipated_work),
     Metric("fracture_energy", "energy", "fracture energy at the end", fracture_energy),
-    Metric("energy_balance", "number", "share of the work that became no energy", energy_balance),
+    Metric("energy_balance", "number", "energy missing, over the work or the starting energy", energy_balance),
     Metric(
         "fracture_energy_rate",
         "toughness",
@@ -394,6 +395,9 @@ METRICS = _registry(
     Metric("branching_angle", "degree", "angle between the two longest branches", running_cracks.branching_angle),
     Metric("branch_angle", "degree", "direction of the longest branch", running_cracks.branch_angle),
     Metric("branch_count", "number", "tips that the crack came to have", running_cracks.branch_count),
+    Metric(
+        "enclosed_pieces", "number", "pieces that branches enclose by running into cracks", running_cracks.enclosed_pieces
+    ),
     Metric("tip_speed", "velocity", "largest speed of a crack tip", running_cracks.tip_speed),
     Metric("fragments", "number", "connected pieces of unbroken material", running_cracks.fragments),
     Metric("cone_index", "number", "1 where a cone formed under an impact, else 0", running_cracks.cone_index),
@@ -409,6 +413,7 @@ METRICS = _registry(
     Metric("measure", "number", "a scalar that the solver measured, by its name", measure),
     Metric("period", "time", "mean period of an oscillation", dynamics.period),
     Metric("period_error", "number", "relative error of the vibrating bar's period", dynamics.period_error),
+    Metric("half_width_error", "number", "relative error of the half-width on a floor", dynamics.half_width_error),
     Metric("energy_drift", "number", "trend of the energy while a wave crosses a length", dynamics.energy_drift),
     Metric("energy_left", "number", "energy at the end over that at the start", dynamics.energy_left),
     Metric("contact_impulse", "momentum", "impulse of contact on a body", dynamics.contact_impulse),

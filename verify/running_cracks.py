@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from verify.metrics import RunData
 
 AXES = {"x": 0, "y": 1}
+#: side of the smallest square, in length scales, that counts as a piece between cracks and not as a gap in one
+ENCLOSED = 4.0
 
 
 def _name(run: RunData) -> str:
@@ -43,14 +45,18 @@ def _broken_at(run: RunData) -> tuple[Any, Array]:
     return data, np.asarray(data["broken_at"])
 
 
-@functools.lru_cache(maxsize=4)
-def branches_of(run: RunData) -> list[Branch]:
-    """Branches of the crack that ran during a dynamic run, the longest first; none where nothing broke."""
+@functools.lru_cache(maxsize=8)
+def branches_of(run: RunData, until: float = np.inf) -> list[Branch]:
+    """Branches of the crack that ran during a dynamic run, the longest first; none where nothing broke.
+
+    until : leave out what broke later.
+    """
     data, broken_at = _broken_at(run)
     start, notch = _notch(run.case)
-    return crack_front.branches(
-        _plane(data), np.asarray(data["phase_field"]), broken_at, run.case.mesh.h, start, notch, BROKEN
-    )
+    there = broken_at <= until
+    phase_field = np.where(there | np.isinf(until), data["phase_field"], 1.0)
+    when = np.where(there, broken_at, np.nan)
+    return crack_front.branches(_plane(data), phase_field, when, run.case.mesh.h, start, notch, BROKEN)
 
 
 def _notch(case: Case) -> tuple[Array | None, Array | None]:
@@ -102,7 +108,7 @@ def branching_time(run: RunData) -> float:
 
 def branching_angle(run: RunData, *, length: float) -> float:
     """Angle between the two longest branches over a length behind their parting."""
-    return crack_front.branching_angle(_of_branches(run), length)
+    return crack_front.branching_angle(_of_branches(run), length, run.case.mesh.h)
 
 
 def branch_angle(run: RunData) -> float:
@@ -110,9 +116,16 @@ def branch_angle(run: RunData) -> float:
     return path_angle(_of_branches(run)[0].points)
 
 
-def branch_count(run: RunData) -> float:
-    """Number of tips that the crack came to have."""
-    return float(len(branches_of(run)))
+def branch_count(run: RunData, *, until: float = np.inf) -> float:
+    """Number of tips that the crack came to have by a time."""
+    return float(len(branches_of(run, until)))
+
+
+def enclosed_pieces(run: RunData, *, until: float = np.inf) -> float:
+    """Number of pieces that cracks enclose by a time: meetings of a branch with another one's crack."""
+    data, broken_at = _broken_at(run)
+    least = (ENCLOSED * _length_scale(run.case)) ** 2
+    return float(crack_front.enclosed(_plane(data), broken_at <= until, run.case.mesh.h, least))
 
 
 def tip_speed(run: RunData, *, interval: float, count: float = 5, over_rayleigh: float = 0) -> float:
