@@ -58,6 +58,7 @@ def synthetic_run(broken: bool = True, shift: float = 0.0):
         ("stored_energy_at_initiation", {}, 0.01, 0.02 * LENGTH_SCALE / SPEED),
         ("branching_time", {}, 1.0 + np.linalg.norm(FORK - START) / SPEED, 3 * H / SPEED),
         ("branching_angle", {"length": 10.0}, 60.0, 3.0),
+        ("crack_direction", {"until": 20.0}, 0.0, 2.0),
         ("branch_count", {}, 2.0, 0.0),
         ("branch_count", {"until": 20.0}, 1.0, 0.0),
         ("enclosed_pieces", {}, 0.0, 0.0),
@@ -74,6 +75,17 @@ def test_metrics_of_a_drawn_crack(metric, parameters, expected, error):
 
 def test_a_branch_points_half_way_between_its_stem_and_its_arm_of_the_same_length():
     assert abs(METRICS["branch_angle"](synthetic_run())) == pytest.approx(15.0, abs=0.5)
+
+
+def test_a_crack_has_no_direction_where_nothing_broke_beyond_its_notch():
+    arms = METRICS["crack_direction"](synthetic_run())
+    assert 10.0 < abs(arms) < 30.0, "from the notch to the tip of an arm that leaves the stem at 30 degrees"
+    with pytest.raises(MetricError, match="nothing broke beyond its notch"):
+        METRICS["crack_direction"](synthetic_run(), until=0.5)
+    without = synthetic_run()
+    without.case.notches = ()
+    with pytest.raises(MetricError, match="no notch"):
+        METRICS["crack_direction"](without)
 
 
 def test_a_drawn_crack_is_symmetric_about_its_own_axis_only():

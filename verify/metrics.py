@@ -393,6 +393,7 @@ METRICS = _registry(
     ),
     Metric("branching_time", "time", "when the tip first divided", running_cracks.branching_time),
     Metric("branching_angle", "degree", "angle between the two longest branches", running_cracks.branching_angle),
+    Metric("crack_direction", "degree", "direction from the notch to the crack's tip", running_cracks.crack_direction),
     Metric("branch_angle", "degree", "direction of the longest branch", running_cracks.branch_angle),
     Metric("branch_count", "number", "tips that the crack came to have", running_cracks.branch_count),
     Metric(

@@ -116,6 +116,23 @@ def branch_angle(run: RunData) -> float:
     return path_angle(_of_branches(run)[0].points)
 
 
+def crack_direction(run: RunData, *, until: float = np.inf) -> float:
+    """Direction in degrees from the x axis, -180 to 180, from the notch's end to the tip of the crack there at a time.
+
+    The tip is the point farthest from the notch's end of those beyond it that broke in the run.
+    """
+    (notch,) = run.case.notches or (None,)
+    if notch is None:
+        raise MetricError(f"{_name(run)}: has no notch from which its crack could run; ask for branch_angle")
+    data, broken_at = _broken_at(run)
+    away = _plane(data)[(broken_at > 0.0) & (broken_at <= until)] - np.asarray(notch.end)
+    away = away[away @ np.subtract(notch.end, notch.start) > 0.0]
+    if not len(away):
+        raise MetricError(f"{_name(run)}: nothing broke beyond its notch; load it longer")
+    x, y = away[np.argmax(np.hypot(*away.T))]
+    return float(np.degrees(np.arctan2(y, x)))
+
+
 def branch_count(run: RunData, *, until: float = np.inf) -> float:
     """Number of tips that the crack came to have by a time."""
     return float(len(branches_of(run, until)))
