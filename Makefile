@@ -26,7 +26,7 @@ verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= qui
 	@$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); ran=$$?; \
 	if [ $$ran -ne 0 ] && [ $$ran -ne 2 ]; then exit $$ran; fi; \
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); verdict=$$?; \
-	$(BIN)/verify report --out $(OUT) || exit $$?; \
+	$(BIN)/verify report --out $(OUT) --jobs $(JOBS) || exit $$?; \
 	if [ $$verdict -eq 0 ]; then exit $$ran; fi; exit $$verdict
 
 # A case without charts or maps at this tier says so (3) and the other is made.
@@ -37,7 +37,7 @@ charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and
 	if [ $$charted -ne 0 ] && [ $$mapped -ne 0 ]; then exit $$charted; fi; \
 	$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); \
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); \
-	$(BIN)/verify report --out $(OUT)
+	$(BIN)/verify report --out $(OUT) --jobs $(JOBS)
 
 test: .venv/installed ## run the tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -157,7 +157,8 @@ class ExplicitFiniteElements:
     def _velocity_after(self, interval: float) -> NDArray:
         """Velocity (n_nodes, 2) an interval after the present one, damped by the mean of both."""
         loss = 0.5 * self._damping * interval
-        velocity = ((1.0 - loss) * self.velocity + interval * self._acceleration) / (1.0 + loss)
+        kept, gained = (1.0 - loss) / (1.0 + loss), interval / (1.0 + loss)
+        velocity = kept * self.velocity + gained * self._acceleration
         return np.where(self._held, self._held_velocity, velocity)
 
     def _bring_up_to_date(self) -> None:
@@ -203,8 +204,10 @@ class ExplicitFiniteElements:
 
     def _outer_forces(self, velocity: NDArray) -> NDArray:
         """External forces, damping and reactions included (n_nodes, 2); what is held moves at constant velocity."""
-        damping = self._damping * self.mass[:, None] * velocity
-        return np.where(self._held, self._inner_forces, self._applied - damping)
+        free = self._applied
+        if self._damping:
+            free = free - self._damping * self.mass[:, None] * velocity
+        return np.where(self._held, self._inner_forces, free)
 
     # ---------------------------------------------------------------- what can be seen
 

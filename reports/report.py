@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import logging
+import multiprocessing
 import re
 import shutil
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,17 +75,22 @@ class Section:
         return style.slug(self.title.lower())
 
 
-def write_report(out: Path) -> Path:
+def write_report(out: Path, jobs: int = 1) -> Path:
     """Write ``out/index.html`` and one page per case from ``out/summary.json``; return the overview's path.
 
     Figures go to ``out/figures/<case>-<tier>/`` as SVG with the CSV behind each curve. Nothing is loaded from
-    elsewhere, so that the folder can be moved and read offline.
+    elsewhere, so that the folder can be moved and read offline. ``jobs`` pages are made at the same time.
 
     Raises FileNotFoundError when there is no summary yet.
     """
     out = Path(out)
     summary = read_summary(out)
-    pages = [_write_case_page(CaseResults(entry, out), summary, out) for entry in summary["cases"]]
+    page = functools.partial(_page_of, summary=summary, out=out)
+    if jobs == 1:
+        pages = list(map(page, summary["cases"]))
+    else:
+        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+            pages = list(pool.map(page, summary["cases"]))
     file = out / "index.html"
     overview = _environment().get_template("index.html").render(
         summary=summary, pages=pages, environment=_computed_with(pages),
@@ -121,6 +129,10 @@ def _subscripts(text: str) -> Markup:
 
 
 # ---------------------------------------------------------------- a case's page
+
+
+def _page_of(entry: Mapping[str, Any], summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
+    return _write_case_page(CaseResults(entry, out), summary, out)
 
 
 def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path) -> dict[str, Any]:

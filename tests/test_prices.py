@@ -213,6 +213,15 @@ def test_a_factor_counts_both_ways() -> None:
     assert calibration.within_factor(pd.Series([0.4, 0.6, 1.0, 1.9, 2.1])) == pytest.approx(0.6)
 
 
+def test_nine_predictions_in_ten_are_within_a_factor_of_two() -> None:
+    """Over the measured runs of all cases that the constants were fitted to."""
+    table = pd.read_csv(calibration.RUNS_FILE)
+    assert set(table["case"]) == set(list_cases())
+    ratios = calibration.predicted(table, calibration.constants())
+    for name in ("unknowns", "seconds", "memory_mb"):
+        assert calibration.within_factor(ratios[name]) >= 0.9
+
+
 @pytest.mark.parametrize("name", list_cases())
 def test_every_case_of_the_library_has_a_finite_cost(name: str) -> None:
     base = load_case(name, "quick")

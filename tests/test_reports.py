@@ -33,6 +33,15 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, An
     return out, summary
 
 
+def test_pages_made_side_by_side_are_the_same(report: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    out, copy = report[0], tmp_path / "out"
+    shutil.copytree(out, copy)
+    shutil.rmtree(copy / "pages")
+    write_report(copy, jobs=2)
+    for page in pages(out):
+        assert (copy / page.relative_to(out)).read_text() == page.read_text()
+
+
 def pages(out: Path) -> list[Path]:
     return [out / "index.html", *sorted((out / "pages").glob("*.html"))]
 

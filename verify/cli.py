@@ -357,7 +357,10 @@ def _verdict_table(summary: dict[str, Any]) -> Table:
 
 
 @app.command()
-def report(out: OutOption = DEFAULT_OUT) -> None:
+def report(
+    out: OutOption = DEFAULT_OUT,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="pages made at the same time")] = 1,
+) -> None:
     """Write the HTML report of what `compare` judged last, and print its path. Computes nothing.
 
     Example: `verify report --out reports/out`
@@ -368,7 +371,7 @@ def report(out: OutOption = DEFAULT_OUT) -> None:
         )
     from reports import write_report
 
-    typer.echo(f"Report: {write_report(out)}")
+    typer.echo(f"Report: {write_report(out, jobs)}")
 
 
 @app.command("accept")

@@ -121,9 +121,9 @@ def crack_direction(run: RunData, *, until: float = np.inf) -> float:
 
     The tip is the point farthest from the notch's end of those beyond it that broke in the run.
     """
-    (notch,) = run.case.notches or (None,)
-    if notch is None:
-        raise MetricError(f"{_name(run)}: has no notch from which its crack could run; ask for branch_angle")
+    if len(run.case.notches) != 1:
+        raise MetricError(f"{_name(run)}: has {len(run.case.notches)} notches, not one to run from; ask for branch_angle")
+    (notch,) = run.case.notches
     data, broken_at = _broken_at(run)
     away = _plane(data)[(broken_at > 0.0) & (broken_at <= until)] - np.asarray(notch.end)
     away = away[away @ np.subtract(notch.end, notch.start) > 0.0]
