@@ -1,7 +1,7 @@
 """Descriptions of cases: what is modelled, in which units, how it is loaded, solved and judged."""
 
 from cases.errors import CaseError
-from cases.json_schema import case_schema, write_schema
+from cases.json_schema import schema_text, write_schema
 from cases.judging import TIERS, Check, Reference, RunSpec
 from cases.loader import case_from_tables, list_cases, load_case
 from cases.schema import Case
@@ -14,8 +14,8 @@ __all__ = [
     "Reference",
     "RunSpec",
     "case_from_tables",
-    "case_schema",
     "list_cases",
     "load_case",
+    "schema_text",
     "write_schema",
 ]

@@ -16,10 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cases.loader
-from cases import CaseError, case_from_tables, case_schema, list_cases, load_case
+from cases import CaseError, case_from_tables, list_cases, load_case
 from cases.boundaries import EDGES, BoundarySet
 from cases.geometry import Shape
-from cases.json_schema import SCHEMA_FILE, schema_text
+from cases.json_schema import SCHEMA_FILE, case_schema, schema_text
 from cases.judging import merge, nest
 from cases.material import Material
 from cases.units import Units

@@ -3,7 +3,6 @@
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked.
 """
 
-import json
 import math
 import sys
 from dataclasses import replace
@@ -15,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cases import Case, CaseError, case_schema, list_cases, load_case
+from cases import Case, CaseError, list_cases, load_case, schema_text
 from verify.atomic import WriteError
 from verify.cluster import ClusterError
 from verify.curves import CurveError
@@ -238,7 +237,7 @@ def schema() -> None:
 
     Example: `verify schema > case.schema.json`
     """
-    typer.echo(json.dumps(case_schema(), indent=2))
+    typer.echo(schema_text(), nl=False)
 
 
 # ------------------------------------------------------------------------------------------------- compute
