@@ -263,6 +263,12 @@ def test_the_map_of_the_time_step_has_its_border_at_the_eigenvalue(tmp_path: Pat
     assert borders["measured"].to_numpy() == pytest.approx(borders["theory"].to_numpy(), rel=0.05)
 
 
+def test_a_moving_run_is_stable_drifts_or_blows_up(tmp_path: Path) -> None:
+    (file,) = make_maps(load_case("vibrating_bar", "quick"), Options(tmp_path), ["energy"])
+    verdict = read(file)[0].set_index(["y", "x"])["verdict"]
+    assert verdict[1.0, 0.8] == "stable" and verdict[0.9, 0.8] == "energy drift" and verdict[1.0, 3.0] == "blew up"
+
+
 def test_points_that_cross_cells_exert_a_force_as_large_as_their_spacing_on_hat_functions() -> None:
     """One point more or less in a cell is a force of its spacing; a continuous slope leaves a tenth of it, or less."""
     case = load_case("homogeneous_bar", "quick", "mpm")

@@ -58,7 +58,9 @@ from verify.verdicts import (
 #: nothing counts as broken above this phase field: a force that is gone there was lost by the discretisation
 WHOLE = 0.9
 #: how a run that did not end well is called on a map; a solver's further statuses are one more entry each
-VERDICTS = {"no_convergence": NO_CONVERGENCE, "expected_failure": NO_CONVERGENCE, "failed": BLEW_UP}
+VERDICTS = {
+    "no_convergence": NO_CONVERGENCE, "expected_failure": NO_CONVERGENCE, "blew_up": BLEW_UP, "failed": BLEW_UP,
+}  # fmt: skip
 POWER_COLUMNS = ("y", "levels", "least", "largest", "power", "uncertainty")
 BORDER_COLUMNS = ("y", "below", "above", "verdict_below", "verdict_above", "measured", "border", "theory")
 
