@@ -1,6 +1,6 @@
 """Descriptions of cases: what is modelled, in which units, how it is loaded, solved and judged."""
 
-from cases.errors import CaseError
+from cases.errors import CaseError, UserError
 from cases.json_schema import schema_text, write_schema
 from cases.judging import TIERS, Check, Reference, RunSpec
 from cases.loader import case_from_tables, list_cases, load_case
@@ -13,6 +13,7 @@ __all__ = [
     "Check",
     "Reference",
     "RunSpec",
+    "UserError",
     "case_from_tables",
     "list_cases",
     "load_case",

@@ -1,11 +1,20 @@
-"""The two errors of a case description: the one a reader sees, and the one a rule of the schema raises."""
+"""Errors that a user can put right, and the one that a rule of the schema raises."""
 
 from __future__ import annotations
 
 from typing import Any
 
 
-class CaseError(Exception):
+class UserError(Exception):
+    """Something that a user can put right: ``str(error)`` is one sentence with place, value and remedy.
+
+    ``exit_code`` is the program's: 3 for bad input, 2 where a run did not come to its end.
+    """
+
+    exit_code = 3
+
+
+class CaseError(UserError):
     """A mistake in a case description.
 
     ``str(error)`` is one sentence that names the file, the dotted key, the value and the remedy.

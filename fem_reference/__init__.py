@@ -1,6 +1,6 @@
 """The reference solver: phase-field finite elements on scikit-fem meshes."""
 
-from .explicit import ExplicitFiniteElements
-from .solver import FiniteElements
+from fem_reference.explicit.solver import ExplicitFiniteElements
+from fem_reference.quasi_static.solver import FiniteElements
 
 __all__ = ["ExplicitFiniteElements", "FiniteElements"]

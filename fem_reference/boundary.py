@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from fem_reference.mesh.arrays import MeshError
 from physics.exact import MOTIONS
-
-from .mesh_arrays import MeshError
 
 COMPONENTS: dict[str | None, int] = {"x": 0, "y": 1}
 

@@ -7,9 +7,8 @@ import skfem
 from numpy.typing import NDArray
 
 from cases import Case
-
-from .mesh_arrays import kinds_of
-from .meshing import build_mesh
+from fem_reference.mesh.arrays import kinds_of
+from fem_reference.mesh.build import build_mesh
 
 
 class ElementBasis:

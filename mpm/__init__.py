@@ -1,6 +1,6 @@
 """The phase-field Material Point Method."""
 
-from .explicit import ExplicitMaterialPoints
-from .solver import MaterialPoints
+from mpm.explicit.solver import ExplicitMaterialPoints
+from mpm.quasi_static.solver import MaterialPoints
 
 __all__ = ["ExplicitMaterialPoints", "MaterialPoints"]

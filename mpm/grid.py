@@ -11,9 +11,8 @@ from scipy.ndimage import binary_dilation
 
 from cases import Case, CaseError
 from cases.spacing import grid_lines
+from mpm.splines import Axis
 from numerics.staggered import NewtonError
-
-from .splines import Axis
 
 
 class GridError(CaseError):

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import NullFormatter
 
-from verify.charts import choice_sentence
-from verify.studies import MADE_BEFORE, is_of_state, state_of
+from verify.studies.charts import choice_sentence
+from verify.studies.study import MADE_BEFORE, is_of_state, state_of
 
 from . import style
 from .words import listed, number

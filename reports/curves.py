@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from cases import CaseError, load_case
-from verify.curves import Curve, CurveError, peak_index
+from verify.metrics.curves import Curve, CurveError, peak_index
 
 from . import style
 from .results import READING_ERRORS

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from verify.frames import Frame, read_frames
+from verify.runs.frames import Frame, read_frames
 
 from . import style
 from .curves import run_label

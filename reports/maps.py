@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from verify.studies import MADE_BEFORE, is_of_state, state_of
+from verify.studies.study import MADE_BEFORE, is_of_state, state_of
 
 from . import style
 from .words import listed, number, plural

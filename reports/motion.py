@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from verify.dynamics import missing_energy
-from verify.running_cracks import branches_of, rayleigh_speed_of
+from verify.metrics.motion import missing_energy
+from verify.metrics.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style
 from .curves import run_label

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from cases import Case, CaseError, load_case
-from verify.run_folder import STATUSES, RunFolder, RunFolderError
+from verify.runs.run_folder import STATUSES, RunFolder, RunFolderError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

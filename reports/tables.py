@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cases import load_case
-from verify.prices import current_prices
-from verify.run_folder import GOOD_STATUSES
+from verify.planning.recorded_prices import current_prices
+from verify.runs.run_folder import GOOD_STATUSES
 
 from . import style
 from .words import (

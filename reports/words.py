@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from verify.metrics import MetricError, find_metric
-from verify.metrics import metric_unit as unit_of_metric
-from verify.run_folder import GOOD_STATUSES
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import find_metric
+from verify.metrics.registry import metric_unit as unit_of_metric
+from verify.runs.run_folder import GOOD_STATUSES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

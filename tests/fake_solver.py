@@ -12,7 +12,7 @@ from cases import Case
 from numerics.costs import Costs
 from numerics.fields import Fields
 from numerics.quasi_static import Increment
-from verify import running
+from verify.runs import running
 
 CASE = """
 title = "Softening square"

@@ -19,7 +19,7 @@ from cases import load_case
 from numerics.costs import Costs
 from numerics.fields import Fields
 from numerics.quasi_static import Increment
-from verify.run_folder import RunWriter, run_path
+from verify.runs.run_folder import RunWriter, run_path
 
 PEAK, BROKEN, END = 0.0056, 0.0060, 0.0064
 FORCE_OF_MPM = 1.004  # force of the synthetic MPM over that of the FEM

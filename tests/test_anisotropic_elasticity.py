@@ -13,7 +13,7 @@ from numerics.quasi_static import increments
 from physics.elasticity import Law, MaterialTable, in_plane_stiffness
 from physics.energy_splits import responses
 from physics.surface_energy import rotation
-from verify.krylov import CrackedBody
+from verify.studies.krylov import CrackedBody
 
 SOLVERS = [FiniteElements, MaterialPoints]
 LAMINA = {"young_1": 140.0, "young_2": 10.0, "poisson_12": 0.3, "shear_modulus_12": 5.0}

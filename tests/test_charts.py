@@ -14,11 +14,12 @@ from reports import draw_chart, drawing_style
 from reports.charts import accuracy_against_cost
 from reports.maps import where_it_fails
 from reports.results import CaseResults
-from verify import running, studies
-from verify.calibration import Cost
-from verify.charts import choice_sentence, choices, extrapolated, make_charts, slopes
-from verify.stability import make_maps
-from verify.studies import LONG, Options, StudyError, announce
+from verify.planning.calibration import Cost
+from verify.runs import running
+from verify.studies import study as studies
+from verify.studies.charts import choice_sentence, choices, extrapolated, make_charts, slopes
+from verify.studies.maps import make_maps
+from verify.studies.study import LONG, Options, StudyError, announce
 
 CHART = """
 [charts.spacing]

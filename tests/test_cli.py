@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from verify import cli
-from verify.run_folder import run_path
+from verify.runs.run_folder import run_path
 
 
 @pytest.fixture(autouse=True)
@@ -98,7 +98,7 @@ def test_a_full_disk_is_one_sentence_and_exit_code_2(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("verify.vtk_files.write_mesh", full)
+    monkeypatch.setattr("verify.runs.vtk_files.write_mesh", full)
     case = fake_solver.write_case(tmp_path / "square")
     assert verify("run", case, "--run", "fem", *options) == 2
     assert "the disk is full" in capsys.readouterr().out

@@ -15,11 +15,12 @@ import pandas as pd
 import pytest
 
 from cases import load_case
-from verify import cli, cluster, jobs, running
-from verify.charts import make_charts
-from verify.jobs import Job, outcomes
-from verify.run_folder import RunFolder, RunWriter, partial_folder
-from verify.studies import Options
+from verify import cli
+from verify.runs import cluster, jobs, running
+from verify.runs.jobs import Job, outcomes
+from verify.runs.run_folder import RunFolder, RunWriter, partial_folder
+from verify.studies.charts import make_charts
+from verify.studies.study import Options
 
 CHART = """
 [charts.spacing]

@@ -5,7 +5,7 @@ import time
 import numpy as np
 from numba import njit
 
-from mpm import explicit_kernels
+from mpm.explicit import kernels as explicit_kernels
 from numerics.compilation import compilation
 
 

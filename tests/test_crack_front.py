@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from verify import crack_front
+from verify.metrics import crack_front
 
 H, LENGTH_SCALE = 0.5, 0.5
 SPEED, FORK, HALF_ANGLE = 0.8, np.array([30.0, 20.0]), 30.0

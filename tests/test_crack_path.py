@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from verify.crack_path import (
+from verify.metrics.crack_path import (
     crack_path,
     hausdorff,
     mean_distance,

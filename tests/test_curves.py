@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from cases.material import Fracture
-from verify.curves import (
+from verify.metrics.curves import (
     Curve,
     CurveError,
     closed_stiffness,
@@ -21,7 +21,8 @@ from verify.curves import (
     read_curve,
     relative_error_curve,
 )
-from verify.metrics import METRICS, PAIR_METRICS, SWEEP_METRICS, MetricError, find_metric, fitted_order
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import METRICS, PAIR_METRICS, SWEEP_METRICS, find_metric, fitted_order
 
 LIMIT = 0.05  # the comparison of two good solutions passes it, that of each bad curve must not
 STIFFNESS, U_PEAK, U_END = 100.0, 1.0, 2.0

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from verify.energy_release import energy_release_rate
-from verify.metrics import METRICS
+from verify.metrics.energy_release import energy_release_rate
+from verify.metrics.registry import METRICS
 
 YOUNG, POISSON, K, THICKNESS = 210.0, 0.3, 1.7, 2.0
 EXACT = K**2 * (1 - POISSON**2) / YOUNG  # plane strain

@@ -18,7 +18,7 @@ from moving_plate import (
 
 from cases import CaseError
 from fem_reference import ExplicitFiniteElements, FiniteElements
-from mpm.explicit import ExplicitMaterialPoints
+from mpm.explicit.solver import ExplicitMaterialPoints
 from physics.phase_field import crack_density
 from physics.surface_energy import SurfaceEnergy, profile
 

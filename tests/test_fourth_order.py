@@ -10,7 +10,7 @@ from cases.judging import merge
 from fem_reference import FiniteElements
 from fem_reference.smooth_basis import SmoothBasis
 from mpm import MaterialPoints
-from mpm.solver import _pulled_back
+from mpm.quasi_static.solver import _pulled_back
 from numerics.quasi_static import increments
 from physics.surface_energy import curvature_operator
 

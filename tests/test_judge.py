@@ -11,11 +11,11 @@ import pytest
 
 from cases import Case, load_case
 from verify import compare
-from verify.atomic import WriteError
-from verify.judge import JudgeError, accept, error_of, judge_case, read_baseline
-from verify.run_folder import partial_folder, run_path
-from verify.running import run
-from verify.summary import exit_code, summarise, write_summary
+from verify.judging.judge import JudgeError, accept, error_of, judge_case, read_baseline
+from verify.judging.summary import exit_code, summarise, write_summary
+from verify.runs.atomic import WriteError
+from verify.runs.run_folder import partial_folder, run_path
+from verify.runs.running import run
 
 OUT = "out"
 

@@ -11,11 +11,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cases import Case, CaseError, load_case
-from fem_reference.mesh_arrays import MeshArrays, corner_jacobians, edge_lengths, edge_table, signed_areas
-from fem_reference.mesh_quads import rectilinear
-from fem_reference.mesh_slits import Slit, cells_cut_by, split_slit
-from fem_reference.mesh_triangles import SizedBox, SizeField
-from fem_reference.meshing import Mesh, MeshError, build_mesh, quality
+from fem_reference.mesh.arrays import MeshArrays, corner_jacobians, edge_lengths, edge_table, signed_areas
+from fem_reference.mesh.build import Mesh, MeshError, build_mesh, quality
+from fem_reference.mesh.quads import rectilinear
+from fem_reference.mesh.slits import Slit, cells_cut_by, split_slit
+from fem_reference.mesh.triangles import SizedBox, SizeField
 from fem_reference.quality import scaled_jacobian
 
 FRAME = """

@@ -18,7 +18,7 @@ from moving_plate import (
 
 from cases import CaseError
 from mpm import MaterialPoints
-from mpm.explicit import ExplicitMaterialPoints
+from mpm.explicit.solver import ExplicitMaterialPoints
 from physics.surface_energy import SurfaceEnergy, profile
 
 FOURTH = of_fourth_order(GENERAL)

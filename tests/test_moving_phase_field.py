@@ -5,7 +5,7 @@ import pytest
 from moving_plate import FLYING, MOVING, PLATE, PULLED, STILL, all_steps, check_window, plate_case, run_to
 
 from mpm import MaterialPoints
-from mpm.explicit import ExplicitMaterialPoints
+from mpm.explicit.solver import ExplicitMaterialPoints
 
 
 def test_the_first_phase_field_is_that_of_the_quasi_static_solver(tmp_path):

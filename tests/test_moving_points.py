@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from cases import Case, CaseError, case_from_tables
-from mpm import ExplicitMaterialPoints, moving_body
-from mpm.contact import COUNTERS
-from mpm.explicit_kernels import spline_values, turned_strain
-from mpm.moving_body import MovingBody
+from mpm import ExplicitMaterialPoints
+from mpm.explicit import moving_body
+from mpm.explicit.contact import COUNTERS
+from mpm.explicit.kernels import spline_values, turned_strain
+from mpm.explicit.moving_body import MovingBody
 from numerics.explicit import instants
 from numerics.threads import use_threads
 from numerics.time_steps import LARGEST_GRADIENT, largest_eigenvalue, proven_step, stable_step

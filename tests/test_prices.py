@@ -13,12 +13,21 @@ import pytest
 
 from cases import list_cases, load_case
 from reports.tables import price_rows
-from verify import calibration, cli, running
-from verify.plan import plan
-from verify.prices import COLUMNS, PRICES_FILE, chosen_savings, costs_of_savings, price, read_prices
-from verify.savings import all_off, savings
-from verify.size import size_of
-from verify.studies import Options, StudyError
+from verify import cli
+from verify.planning import calibration
+from verify.planning.plan import plan
+from verify.planning.recorded_prices import (
+    PRICE_COLUMNS,
+    PRICES_FILE,
+    chosen_savings,
+    costs_of_savings,
+    read_prices,
+)
+from verify.planning.savings import all_off, savings
+from verify.planning.sizes import size_of
+from verify.runs import running
+from verify.studies.prices import price
+from verify.studies.study import Options, StudyError
 
 GRADED = """
 [mesh]
@@ -141,7 +150,7 @@ def test_the_dearest_saving_goes_where_all_together_cost_too_much(case_file: Pat
     prices["change"], prices["tier"], prices["run"] = [0.006, -0.007, 0.0], "quick", "fem"
     case = load_case(case_file, "quick", "fem")
     prices["case_hash"] = case.hash()
-    prices.reindex(columns=list(COLUMNS)).to_csv(case_file.parent / PRICES_FILE, index=False)
+    prices.reindex(columns=list(PRICE_COLUMNS)).to_csv(case_file.parent / PRICES_FILE, index=False)
     (dear,), (reason,) = chosen_savings(case, "fem", 0.01)
     assert dear.name == "adaptive increments"
     assert reason == "costs 0.7 %, 1.3 % with the others, of 1 % wanted"

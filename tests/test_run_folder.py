@@ -16,11 +16,11 @@ import pytest
 
 from cases import load_case
 from reports.words import runs_sentence
-from verify import jobs, running
-from verify.atomic import WriteError, superseded, write_text
-from verify.judge import find_run
-from verify.run_folder import RunFolder, RunFolderError, RunWriter, partial_folder, run_path
-from verify.running import InterruptedRunError, run
+from verify.judging.judge import find_run
+from verify.runs import jobs, running
+from verify.runs.atomic import WriteError, superseded, write_text
+from verify.runs.run_folder import RunFolder, RunFolderError, RunWriter, partial_folder, run_path
+from verify.runs.running import InterruptedRunError, run
 
 
 @pytest.fixture
@@ -130,8 +130,8 @@ sys.path.insert(0, {tests!r})
 import fake_solver
 from cases import load_case
 from reports.words import runs_sentence
-from verify import running
-from verify import run_folder
+from verify.runs import running
+from verify.runs import run_folder
 running.SOLVERS["fem"] = fake_solver.FakeSolver
 def increments(solver, case):
     for increment in fake_solver.fake_increments(solver, case):

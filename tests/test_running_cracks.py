@@ -12,9 +12,9 @@ from cases.material import Fracture, Material
 from cases.notches import HistoryNotch
 from numerics.fields import Fields
 from reports.film import film
-from verify.errors import MetricError
-from verify.frames import MOST_POINTS, FrameWriter, read_frames
-from verify.metrics import METRICS, PAIR_METRICS
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import METRICS, PAIR_METRICS
+from verify.runs.frames import MOST_POINTS, FrameWriter, read_frames
 
 GLASS = Material(
     young=32000.0, poisson=0.2, density=2450.0, fracture=Fracture(toughness=0.003, length_scale=LENGTH_SCALE)

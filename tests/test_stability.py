@@ -11,9 +11,10 @@ import pytest
 from cases import Case, CaseError, load_case
 from numerics.time_steps import stable_step
 from reports import draw_map, drawing_style
-from verify import explicit_clouds, krylov, probes, running
-from verify.stability import make_maps, powers
-from verify.studies import Options, StudyError
+from verify.runs import running
+from verify.studies import explicit_clouds, krylov, probes
+from verify.studies.maps import make_maps, powers
+from verify.studies.study import Options, StudyError
 
 MAP = """
 [maps.spacing]

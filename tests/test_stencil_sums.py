@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from mpm.stencil_sums import add_products, sum_products
+from mpm.explicit.stencil_sums import add_products, sum_products
 
 WIDTH, FIRST = 7, 9
 

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cases import load_case
-    from verify.run_folder import RunFolder, RunFolderError
-    from verify.running import run
-    from verify.summary import compare
+    from verify.judging.summary import compare
+    from verify.runs.run_folder import RunFolder, RunFolderError
+    from verify.runs.running import run
 
 __all__ = ["RunFolder", "RunFolderError", "compare", "load_case", "run"]
 
 _HOMES = {
-    "RunFolder": "verify.run_folder",
-    "RunFolderError": "verify.run_folder",
-    "compare": "verify.summary",
+    "RunFolder": "verify.runs.run_folder",
+    "RunFolderError": "verify.runs.run_folder",
+    "compare": "verify.judging.summary",
     "load_case": "cases",
-    "run": "verify.running",
+    "run": "verify.runs.running",
 }
 
 

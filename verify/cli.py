@@ -14,17 +14,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cases import Case, CaseError, list_cases, load_case, schema_text
-from verify.atomic import WriteError
-from verify.cluster import ClusterError
-from verify.curves import CurveError
-from verify.jobs import Job, outcomes
-from verify.judge import JudgeError, accept, checks_of, find_runs
-from verify.provenance import code_version
-from verify.run_folder import RunFolderError
-from verify.running import DEFAULT_OUT, DEFAULT_THREADS, InterruptedRunError
-from verify.studies import StudyError
-from verify.summary import (
+from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
+from verify.judging.judge import accept, checks_of, find_runs
+from verify.judging.summary import (
     check_name,
     check_sentence,
     counts,
@@ -33,9 +25,12 @@ from verify.summary import (
     summarise,
     write_summary,
 )
+from verify.runs.jobs import Job, outcomes
+from verify.runs.provenance import code_version
+from verify.runs.run_folder import RunFolderError
+from verify.runs.running import DEFAULT_OUT, DEFAULT_THREADS
 
 OUT_OF_TOLERANCE, RUN_FAILED, BAD_INPUT, NOTHING_CHECKED = 1, 2, 3, 4
-USER_ERRORS = (CaseError, ClusterError, CurveError, JudgeError, RunFolderError, StudyError)
 COLOURS = {"PASS": "green", "FAIL": "red", "RUN_FAILED": "red", "MISSING": "yellow", "NOT_CHECKED": "yellow"}
 EXIT_CODE_HELP = (
     "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked."
@@ -150,9 +145,9 @@ def plan(
 
     Examples: `verify plan sen_tension --tier paper` · `verify plan sen_tension --tier quick --accuracy 1%`
     """
-    from verify.charts import recorded_choices
-    from verify.plan import RULE
-    from verify.plan import plan as make_plan
+    from verify.planning.plan import RULE
+    from verify.planning.plan import plan as make_plan
+    from verify.studies.charts import recorded_choices
 
     base, share = load_case(case, tier), _share(accuracy)
     console = _console()
@@ -266,7 +261,7 @@ def run_command(
     `verify run l_panel --tier paper --resume` · `verify run sen_tension --accuracy 1%` ·
     `verify run --cluster tcp://127.0.0.1:8786 --threads 1`
     """
-    from verify.plan import plan as make_plan
+    from verify.planning.plan import plan as make_plan
 
     each = threads if cluster else max(1, threads // jobs)
     todo = [
@@ -413,8 +408,8 @@ def chart(
     Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3`
     """
     from reports import draw_chart, drawing_style
-    from verify.charts import choice_sentence, make_charts
-    from verify.studies import Options
+    from verify.studies.charts import choice_sentence, make_charts
+    from verify.studies.study import Options
 
     console, loaded = _console(), load_case(case, tier)
 
@@ -446,8 +441,8 @@ def stability(
     Examples: `verify stability sen_tension --tier quick` · `verify stability surfing --map toughness --jobs 2`
     """
     from reports import draw_map, drawing_style
-    from verify.stability import make_maps
-    from verify.studies import Options
+    from verify.studies.maps import make_maps
+    from verify.studies.study import Options
 
     console, loaded = _console(), load_case(case, tier)
 
@@ -481,8 +476,8 @@ def price_command(
     Examples: `verify price sen_tension --tier quick` · `verify price sen_tension --run fem --record`
     · `verify price l_panel --saving "graded grid"`
     """
-    from verify.prices import price
-    from verify.studies import Options
+    from verify.studies.prices import price
+    from verify.studies.study import Options
 
     console, loaded = _console(), load_case(case, tier)
 
@@ -509,7 +504,7 @@ def _price_table(prices: pd.DataFrame) -> Table:
 @app.command()
 def calibrate(
     out: OutOption = DEFAULT_OUT,
-    write: Annotated[bool, typer.Option("--write", help="keep constants and runs in verify/costs.toml and .csv")] = False,
+    write: Annotated[bool, typer.Option("--write", help="keep constants and runs in verify/planning/costs.toml and .csv")] = False,
 ) -> None:
     """Fit the constants of predicted costs to all finished runs of a folder, and tell how far predictions are off.
 
@@ -517,7 +512,7 @@ def calibrate(
 
     Examples: `verify calibrate` · `verify calibrate --out reports/out --write`
     """
-    from verify import calibration
+    from verify.planning import calibration
 
     table = calibration.measured_runs(out)
     if table["case"].nunique() < 2:
@@ -548,12 +543,8 @@ def main(arguments: list[str] | None = None) -> None:
 def _exit_code(arguments: list[str] | None) -> int:
     try:
         return app(args=arguments, standalone_mode=False) or 0
-    except USER_ERRORS as error:
-        return _say(str(error), BAD_INPUT)
-    except WriteError as error:
-        return _say(str(error), RUN_FAILED)
-    except InterruptedRunError as stopped:
-        return _say(str(stopped), RUN_FAILED)
+    except UserError as error:
+        return _say(str(error), error.exit_code)
     except typer.Abort:
         return _say("Stopped.", RUN_FAILED)
     except typer.TyperException as error:

@@ -130,7 +130,7 @@ if __name__ == "__main__":
     from EasyFEA.FEM._group_elem import GroupElemFactory
 
     from cases import Case, load_case
-    from fem_reference.solver import FiniteElements
+    from fem_reference.quasi_static.solver import FiniteElements
     from numerics.staggered import staggered_step
     from reports import style
     from verify import run

@@ -160,7 +160,7 @@ if __name__ == "__main__":
 
         from cases import Case, case_from_tables
         from mpm import ExplicitMaterialPoints
-        from mpm.moving_body import MovingBody
+        from mpm.explicit.moving_body import MovingBody
         from numerics.compilation import compilation
         from numerics.time_steps import stable_step, step_size
         from reports import style

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 
 if TYPE_CHECKING:
-    from mpm.moving_body import MovingBody
+    from mpm.explicit.moving_body import MovingBody
 
 
 @ti.func

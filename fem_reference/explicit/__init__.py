@@ -1,0 +1,1 @@
+"""Finite elements of bodies that move and break."""

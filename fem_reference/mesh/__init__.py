@@ -1,0 +1,1 @@
+"""Meshes of a case's bodies: built, or read from a file."""

@@ -1,0 +1,221 @@
+"""The mesh of a case: rectilinear quadrilaterals, netgen's triangles, or what the user brings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from cases import Case
+from cases.geometry import Box, Shape
+from cases.notches import CellsNotch, SlitNotch
+from fem_reference.mesh.arrays import (
+    Integers,
+    MeshArrays,
+    MeshError,
+    corner_angles,
+    edge_lengths,
+    joined,
+    signed_areas,
+)
+from fem_reference.mesh.files import read_mesh_file
+from fem_reference.mesh.quads import rectangles
+from fem_reference.mesh.slits import Slit, split_slits
+from fem_reference.mesh.triangles import (
+    SNAP,
+    Feature,
+    SizedBox,
+    SizeField,
+    circles_of,
+    notch_outline,
+    outline_of,
+    snapped,
+    triangulate,
+)
+
+__all__ = ["Mesh", "MeshError", "Quality", "build_mesh", "quality"]
+
+# What to do about a slit that the mesh does not follow.
+REMEDY_QUADS = 'set mesh.element = "triangle"'
+REMEDY_TRIANGLES = 'move it into a body, or make it a notch of kind "cells"'
+REMEDY_FILE = "draw the slit as edges in the mesh file"
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Elements in the reference configuration.
+
+    mesh : nodes [case length unit] and elements, corners counter-clockwise
+    body : (n_elements,) index into list(case.bodies)
+    """
+
+    mesh: skfem.MeshQuad1 | skfem.MeshTri1
+    body: Integers
+
+    @property
+    def arrays(self) -> MeshArrays:
+        """The same mesh as plain arrays."""
+        return MeshArrays(self.mesh.p.T, self.mesh.t.T.astype(np.int64), self.body)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Shape of the worst elements, and sizes.
+
+    smallest_angle, largest_angle : between two edges of an element [degrees]
+    aspect : largest ratio of the longest to the shortest edge of an element
+    shortest_edge, longest_edge : [length]
+    """
+
+    smallest_angle: float
+    largest_angle: float
+    aspect: float
+    shortest_edge: float
+    longest_edge: float
+
+
+def quality(mesh: Mesh) -> Quality:
+    """The worst angles and aspect ratio of a mesh."""
+    angles = corner_angles(mesh.arrays.points, mesh.arrays.cells)
+    lengths = edge_lengths(mesh.arrays.points, mesh.arrays.cells)
+    aspect = (lengths.max(axis=1) / lengths.min(axis=1)).max()
+    extremes = (angles.min(), angles.max(), aspect, lengths.min(), lengths.max())
+    return Quality(*(float(value) for value in extremes))
+
+
+def build_mesh(case: Case) -> Mesh:
+    """The finite elements of a case.
+
+    Shapes with axis-parallel edges become cells of `cases.spacing.grid_lines` unless mesh.element = "triangle"; with
+    that, or as soon as one body has another shape, all shapes are filled with triangles. A body given as a file keeps the
+    file's elements. Bodies that share an edge share its nodes, except with bodies from files.
+    Notches of kind "slit" are opened, those of kind "cells" left out, those of kind "history" passed over.
+
+    Raises MeshError, a CaseError: one sentence with the case's file, the key and the remedy.
+    """
+    try:
+        mesh = _opened_mesh(case)
+    except MeshError as problem:
+        raise MeshError(f"{case.source}: {problem}") from problem.__cause__
+    kind = skfem.MeshTri1 if mesh.cells.shape[1] == 3 else skfem.MeshQuad1
+    # scikit-fem would sort the corners of triangles by number, and half of them would turn clockwise.
+    return Mesh(kind(mesh.points.T.copy(), mesh.cells.T.copy(), sort_t=False), mesh.body)
+
+
+def uses_quads(case: Case) -> bool:
+    """The shapes of the case become quadrilaterals."""
+    shapes = [body.shape for body in case.bodies.values() if body.shape]
+    return case.mesh.element == "quad" and all(shape.is_rectilinear for shape in shapes)
+
+
+def _opened_mesh(case: Case) -> MeshArrays:
+    """All bodies as one mesh without its notches."""
+    slits, remedy = _slits(case), REMEDY_QUADS if uses_quads(case) else REMEDY_TRIANGLES
+    shapes = {index: body.shape for index, body in enumerate(case.bodies.values()) if body.shape}
+    parts = [
+        _without_notches(case, read_mesh_file(body.mesh, index))
+        for index, body in enumerate(case.bodies.values())
+        if body.mesh
+    ]
+    remedy = REMEDY_FILE if parts else remedy
+    if shapes and uses_quads(case):
+        parts.append(_without_notches(case, rectangles(case, list(shapes))))
+    elif shapes:
+        outlines = _outlines(case, shapes)
+        slits = [snapped(slit, outlines, SNAP * case.mesh.h) for slit in slits]
+        parts.append(_triangles(case, shapes, outlines, slits))
+    _check_one_kind(case, parts)
+    mesh = joined(parts)
+    _check_no_body_is_gone(case, mesh)
+    return split_slits(mesh, slits, remedy)
+
+
+def _slits(case: Case) -> list[Slit]:
+    notches = enumerate(case.notches)
+    return [
+        Slit(f"notches[{n}]", notch.start, notch.end) for n, notch in notches if isinstance(notch, SlitNotch)
+    ]
+
+
+def _without_notches(case: Case, mesh: MeshArrays) -> MeshArrays:
+    """The mesh without the elements whose centres lie in notches of kind "cells"."""
+    keep = np.ones(len(mesh.cells), dtype=bool)
+    for notch in case.notches:
+        if isinstance(notch, CellsNotch):
+            keep &= ~_in_notch(notch, mesh.centres())
+    return mesh.keep(keep)
+
+
+def _in_notch(notch: CellsNotch, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask of the points in the rectangle of the notch's width about its segment."""
+    segment = Slit("notch", notch.start, notch.end)
+    along, aside = segment.coordinates(points)
+    return (along >= 0.0) & (along <= segment.length) & (np.abs(aside) <= notch.width / 2.0)
+
+
+def _size_field(case: Case) -> SizeField:
+    mesh, features = case.mesh, _features(case)
+    if mesh.fine is None:
+        return SizeField(mesh.h, mesh.h, mesh.growth, features=features)
+    coarse = mesh.coarse or float(np.ptp(case.bounding_box(), axis=0).max())
+    refined = tuple(_sized(case, box, box.h) for box in mesh.refine)
+    return SizeField(mesh.h, coarse, mesh.growth, _sized(case, mesh.fine, mesh.h), refined, features)
+
+
+def _sized(case: Case, box: Box, size: float) -> SizedBox:
+    """The box cut to the bodies, because netgen is told the size along lines all over it."""
+    lower, upper = case.bounding_box()
+    return SizedBox(np.clip(box.lower, lower, upper), np.clip(box.upper, lower, upper), size)
+
+
+def _features(case: Case) -> tuple[Feature, ...]:
+    """Circles and the ends of narrow notches, which need small elements wherever they are."""
+    circles = [c for body in case.bodies.values() if body.shape for c in circles_of(body.shape)]
+    narrow = [notch for notch in case.notches if isinstance(notch, CellsNotch)]
+    ends = [Feature(end, 0.0, notch.width) for notch in narrow for end in (notch.start, notch.end)]
+    return (*(Feature.of_circle(circle) for circle in circles), *ends)
+
+
+def _anchors(case: Case) -> list[tuple[float, float]]:
+    """Points that are to be nodes where they lie on an outline: ends of notches, of supports and of loads."""
+    notches = [end for notch in case.notches for end in (notch.start, notch.end)]
+    boundaries = case.boundaries.values()
+    points = [boundary.point for boundary in boundaries if boundary.point]
+    return [
+        *notches,
+        *points,
+        *(corner for b in boundaries if b.box for corner in (b.box.lower, b.box.upper)),
+    ]
+
+
+def _outlines(case: Case, shapes: dict[int, Shape]) -> list[BaseGeometry]:
+    """Polygons of the bodies without the notches of kind "cells"."""
+    outlines = [outline_of(shape, _size_field(case), _anchors(case)) for shape in shapes.values()]
+    for notch in case.notches:
+        if isinstance(notch, CellsNotch):
+            segment = Slit("notch", notch.start, notch.end)
+            outlines = [body - notch_outline(segment, notch.width, body) for body in outlines]
+    return outlines
+
+
+def _triangles(
+    case: Case, shapes: dict[int, Shape], outlines: list[BaseGeometry], slits: list[Slit]
+) -> MeshArrays:
+    circles = [circle for shape in shapes.values() for circle in circles_of(shape)]
+    mesh = triangulate(outlines, _size_field(case), slits, _anchors(case), circles)
+    return MeshArrays(mesh.points, mesh.cells, np.array(list(shapes))[mesh.body])
+
+
+def _check_one_kind(case: Case, parts: list[MeshArrays]) -> None:
+    if len({part.cells.shape[1] for part in parts}) > 1:
+        remedy = 'mesh the file with triangles and set mesh.element = "triangle"'
+        raise MeshError(f"bodies: {', '.join(case.bodies)} mix triangles and quadrilaterals; {remedy}")
+
+
+def _check_no_body_is_gone(case: Case, mesh: MeshArrays) -> None:
+    for index, name in enumerate(case.bodies):
+        if not signed_areas(mesh.points, mesh.cells[mesh.body == index]).sum() > 0.0:
+            raise MeshError(f"bodies.{name}: the notches leave no element of it; make them narrower")

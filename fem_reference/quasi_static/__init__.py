@@ -1,0 +1,1 @@
+"""Finite elements under loads that change slowly (thesis Algorithm 1)."""

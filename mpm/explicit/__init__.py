@@ -1,0 +1,1 @@
+"""Bodies of material points that move, collide and break (thesis Algorithm 3)."""

@@ -1,0 +1,183 @@
+"""The phase field of a body that moves: solved around the points where it can change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from cases import Case
+from mpm.explicit import phase_field_kernels
+from mpm.explicit.moving_body import MovingBody
+from numerics.costs import Costs
+from numerics.phase_field_window import BLOCK, RESIDUAL, RINGS, SMOOTH_RESIDUAL, conjugate_gradients, fold, row_products
+from physics.elasticity import MaterialTable
+from physics.phase_field import BROKEN, PhaseFieldCoefficients
+
+#: cells that a point may stray before the nodal phase field at its place is found anew, at order 4
+STRAY = 0.05
+#: range of nodal values to start a solution from: nodes that points hardly see can take any, and see more points later
+SANE = (-1.0, 2.0)
+#: driving energy over resistance above which the phase field, then below its inverse, is zero for all that it does: more
+#: would make the equations of wide open cracks stiff for nothing
+LARGEST_DRIVE = 1e4
+_SQUARE = np.ones((3, 3), bool)
+
+
+class PointPhaseField:
+    """The phase field of one body (Eq. 4.16), solved on blocks of cells around the points where it would change.
+
+    One further ring of blocks is solved for and forgotten. At order 2 nothing is held at the rim of the blocks, where
+    the solution is cut off, and the nodal values are kept as the start of the next solution. At order 4, whose bends
+    reach further, the nodes outside keep theirs: points in cracks that stray from where these were found count as
+    changing.
+    """
+
+    def __init__(self, case: Case, number: int, body: MovingBody, costs: Costs) -> None:
+        self._body, self._costs, self._tolerance = body, costs, case.staggered.tolerance
+        materials = MaterialTable(case)
+        of_body = PhaseFieldCoefficients(materials, np.array([number]))
+        self._drive, self._resistance = float(of_body.drive[0]), float(of_body.resistance[0])
+        self._largest_history = LARGEST_DRIVE * self._resistance / self._drive
+        self._diffusion, self._toughness = float(of_body.diffusion[0]), float(of_body.toughness[0])
+        self._length_scale = float(of_body.length_scale[0])
+        self._bending, self._operator = float(of_body.bending[0]), materials.curvature[number]
+        self._block = max(1, round(BLOCK * self._length_scale / body.h))
+        self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
+        self._nodal = np.ones(0)
+
+    def solve(self, now: float, everywhere: bool = False) -> None:
+        """Write the body's ``points.c`` for its ``points.history``, at the points' present places."""
+        history = np.minimum(self._body.points.history, self._largest_history)
+        marked = self._changing_blocks(history)
+        marked[:] |= everywhere
+        if not marked.any():
+            return
+        self._keep_nodes()
+        solved = binary_dilation(marked, _SQUARE, iterations=RINGS + 1)
+        cells = self._cells_of(solved)
+        iterations = self._solve_on(cells, history)
+        self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
+        inside = np.zeros(len(self._nodal), bool)
+        inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS))] = True
+        body, p = self._body, self._body.points
+        phase_field_kernels.to_points(
+            body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, history, self._toughness,
+            self._length_scale, now, BROKEN, p.c, p.crack_energy, p.solved_for, p.broken_at,
+        )  # fmt: skip
+        if self._bending:
+            phase_field_kernels.add_curvature_energy(
+                body.order, body.strips, p.x, p.y, p.turn, self._operator, 0.5 * self._bending, 1.0 / body.h, body.width,
+                inside, self._nodal, p.crack_energy,
+            )  # fmt: skip
+            found = inside[p.x.astype(int) * body.width + p.y.astype(int)]
+            p.stray_x[found], p.stray_y[found] = 0.0, 0.0
+
+    def _changing_blocks(self, history: NDArray) -> NDArray:
+        body, p = self._body, self._body.points
+        shape = -(-body.shape // self._block)
+        marked = np.zeros(shape, bool)
+        phase_field_kernels.mark_changing(
+            body.strips, p.x, p.y, history, p.solved_for, p.c, self._drive, self._resistance, self._tolerance,
+            self._block, shape[1], marked.reshape(-1),
+        )  # fmt: skip
+        if self._bending:
+            strayed = (p.c < 1.0 - self._tolerance) & (np.maximum(np.abs(p.stray_x), np.abs(p.stray_y)) > STRAY)
+            marked[p.x[strayed].astype(int) // self._block, p.y[strayed].astype(int) // self._block] = True
+        return marked
+
+    def _keep_nodes(self) -> None:
+        """Take the nodal values along when the body's window of the lattice has moved."""
+        corner, shape = self._body.corner, self._body.shape
+        old_corner, old_shape = self._window
+        if np.array_equal(corner, old_corner) and np.array_equal(shape, old_shape):
+            return
+        nodal, old = np.ones(shape), self._nodal.reshape(old_shape)
+        lower, upper = np.maximum(corner, old_corner), np.minimum(corner + shape, old_corner + old_shape)
+        if (upper > lower).all():
+            here, there = (np.s_[x:X, y:Y] for (x, y), (X, Y) in ((lower - c, upper - c) for c in (corner, old_corner)))
+            nodal[here] = old[there]
+        self._window, self._nodal = (corner.copy(), shape.copy()), nodal.reshape(-1)
+
+    def _cells_of(self, blocks: NDArray) -> NDArray:
+        """Cells (m,) of the marked blocks, as numbers of their first nodes."""
+        order, shape = self._body.order, self._body.shape
+        mask = np.repeat(np.repeat(blocks, self._block, axis=0), self._block, axis=1)
+        mask = mask[: shape[0] - order, : shape[1] - order]
+        i, j = np.nonzero(mask)
+        return i * shape[1] + j
+
+    def _solve_on(self, cells: NDArray, history: NDArray) -> int:
+        """Find the nodal phase field on cells; returns the number of iterations."""
+        body, p = self._body, self._body.points
+        k, width = body.order + 1, body.width
+        number = np.full(len(self._nodal), -1, np.int32)
+        number[cells] = np.arange(len(cells), dtype=np.int32)
+        local, right_side = np.zeros((len(cells), k * k * (k * k + 1) // 2)), np.zeros((len(cells), k * k))
+        phase_field_kernels.cell_equations(
+            body.order, body.strips, p.x, p.y, p.volume, history, self._drive, self._resistance, self._diffusion,
+            1.0 / body.h, width, number, local, right_side,
+        )  # fmt: skip
+        if self._bending:
+            phase_field_kernels.add_curvature_terms(
+                body.order, body.strips, p.x, p.y, p.volume, p.turn, self._operator, self._bending, 1.0 / body.h, width,
+                number, local,
+            )  # fmt: skip
+        offsets = (np.arange(k)[:, None] * width + np.arange(k)).ravel()
+        nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)
+        return self._solve_rows(number, nodes_of_cells, local, right_side)
+
+    def _held(self, number: NDArray) -> NDArray:
+        """Nodes (n_nodes,) that keep their value: at order 4, those of points in cells outside the window."""
+        body, held = self._body, np.zeros(len(self._nodal), bool)
+        if self._bending:
+            phase_field_kernels.mark_outside(body.order, body.points.x, body.points.y, body.width, number, held)
+        return held
+
+    def _solve_rows(self, number: NDArray, nodes_of_cells: NDArray, local: NDArray, parts: NDArray) -> int:
+        """Each row couples a node with those up to ``order`` away in both directions."""
+        order, width = self._body.order, self._body.width
+        used = np.zeros(len(self._nodal), bool)
+        used[nodes_of_cells.ravel()] = True
+        used[self._held(number)] = False
+        nodes = np.flatnonzero(used)
+        # one row more stands for all nodes that do not take part
+        rows = np.full(len(self._nodal), len(nodes), np.int32)
+        rows[nodes] = np.arange(len(nodes), dtype=np.int32)
+        span = np.arange(-order, order + 1)
+        near = nodes[:, None] + (span[:, None] * width + span).ravel()
+        neighbours = rows[np.clip(near, 0, len(rows) - 1)]
+        values, right_side = np.zeros((len(nodes) + 1, len(span) ** 2)), np.zeros(len(nodes) + 1)
+        self._nodal[nodes] = np.clip(self._nodal[nodes], *SANE)
+        fold(rows[nodes_of_cells], self._slots, local, parts, values, right_side)
+        product, diagonal = np.empty(len(nodes)), np.full(len(nodes), len(span) ** 2 // 2)
+        row_products(np.clip(near, 0, len(rows) - 1), values, self._nodal, product)
+        sources = right_side[:-1]
+        correction, iterations = conjugate_gradients(
+            neighbours, values[:-1], diagonal, sources - product, sources,
+            SMOOTH_RESIDUAL if self._bending else RESIDUAL,
+        )
+        self._nodal[nodes] += correction
+        return iterations
+
+    @property
+    def _slots(self) -> NDArray:
+        """Entry (1, k², k²) of a node's row in which another node of the cell stands."""
+        order = self._body.order
+        across, up = (place.ravel() for place in np.indices((order + 1, order + 1)))
+        away = across - across[:, None] + order, up - up[:, None] + order
+        return (away[0] * (2 * order + 1) + away[1])[None]
+
+    def fracture_energy(self) -> float:
+        """Energy of the body's cracks [energy] (Eq. 2.49)."""
+        return float((self._body.points.crack_energy * self._body.points.volume).sum())
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Where the next solution starts from."""
+        return {"corner": self._window[0], "shape": self._window[1], "nodal": self._nodal}
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to a checkpoint."""
+        self._window, self._nodal = (saved["corner"], saved["shape"]), saved["nodal"].copy()

@@ -1,0 +1,333 @@
+"""Explicit phase-field Material Point Method for bodies that move, collide and break (thesis Algorithm 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+from mpm.explicit.contact import Contact
+from mpm.explicit.moving_body import Motion, MovingBody
+from mpm.explicit.phase_field import PointPhaseField
+from mpm.explicit.prescribed import Tractions, held_lines
+from mpm.grid import GridError
+from mpm.placement import PointCloud, place_in_bodies
+from numerics.costs import Costs
+from numerics.exact_errors import moving_errors
+from numerics.explicit import Balance
+from numerics.fields import Fields
+from numerics.time_steps import stable_step
+from physics.elasticity import MaterialTable
+from physics.exact import SOLUTIONS
+from physics.phase_field import initial_history
+
+#: columns of the history for each body
+MOTION_COLUMNS = ("x", "y", "momentum_x", "momentum_y", "spin")
+
+
+class ExplicitMaterialPoints:
+    """Bodies with a field of velocity each on one uniform grid; implements ``DynamicDiscretisation``.
+
+    Attributes
+    ----------
+    bodies : the bodies of the case, in its order.
+    phase_fields : of the bodies that can break.
+    """
+
+    def __init__(self, case: Case, cloud: PointCloud | None = None) -> None:
+        assert case.dynamics is not None
+        self.case, self.costs = case, Costs()
+        self._check()
+        self.cloud = cloud or place_in_bodies(case)
+        self.bodies = [MovingBody(case, number, self.cloud) for number in range(len(case.bodies))]
+        self._moving = [body for body in self.bodies if not body.rigid]
+        self._start_from_exact()
+        self._start_notches()
+        self.contact = Contact(case, self.bodies)
+        self._lines = held_lines(case, self.bodies, self.cloud)
+        self._tractions = Tractions(case, self.bodies, self.cloud)
+        self.phase_fields = [
+            PointPhaseField(case, number, body, self.costs) for number, body in enumerate(self.bodies) if body.breakable
+        ]
+        self._break_notches()
+        self._boundary_work = self._boundary_power = 0.0
+        self._start = _first_moment(self._motions())
+        self._updates_last = case.dynamics.order_of_update == "musl"
+        self.costs.count["points"] = len(self.cloud.positions)
+
+    def _check(self) -> None:
+        case = self.case
+        if case.mesh.fine is not None:
+            raise GridError(f"{case.source}: mesh.fine: explicit material points need a uniform grid; remove it.")
+        for number, notch in enumerate(case.notches):
+            if notch.kind == "slit":
+                raise GridError(
+                    f"{case.source}: notches[{number}].kind: a slit opens a grid that stays, this one moves; give"
+                    ' kind = "cells" or "history".'
+                )
+
+    def _start_from_exact(self) -> None:
+        """Velocities and strains of the case's exact solution at the start, where it has them."""
+        solution = SOLUTIONS.get(self.case.exact or "")
+        for body in self._moving:
+            points = body.points
+            if solution is not None and solution.velocity is not None:
+                velocity = solution.velocity(self.case, body.positions(), 0.0)
+                points.vx, points.vy = velocity[:, 0].copy(), velocity[:, 1].copy()
+            if solution is not None and solution.strain is not None:
+                strain = solution.strain(self.case, body.positions(), 0.0)
+                points.exx, points.eyy, points.gxy = (strain[:, i].copy() for i in range(3))
+            body.largest_speed = float(np.hypot(points.vx, points.vy).max())
+            body.evaluate_stresses()
+
+    def _start_notches(self) -> None:
+        """Initial history fields of the notches that are drawn by them (Eq. 6.51)."""
+        table = MaterialTable(self.case)
+        for number, body in enumerate(self.bodies):
+            if body.breakable:
+                toughness, length_scale = table.toughness[number], table.length_scale[number]
+                crack = initial_history(self.case, body.positions(), toughness, length_scale)
+                body.points.history = np.maximum(body.points.history, crack)
+
+    def _break_notches(self) -> None:
+        """Phase field and stresses at the start."""
+        for phase_field in self.phase_fields:
+            phase_field.solve(0.0, everywhere=True)
+        for body in self._moving:
+            body.evaluate_stresses()
+
+    def warm_up(self) -> None:
+        """Compile every kernel, so that the clock times the work alone."""
+        saved = self._copies()
+        self.step(0.0, 1e-9 * self.stable_step())
+        if len(self.bodies) > 1:
+            self.contact.warm_up()
+        self.restore(saved)
+        self.costs.forget()
+
+    # ---------------------------------------------------------------- time integration
+
+    def stable_step(self) -> float:
+        """Largest time step by the case's rule [time]."""
+        return stable_step(self.case)
+
+    def step(self, now: float, size: float) -> None:
+        """Algorithm 3; raises what its bodies raise.
+
+        The first pass solves the phase field of the time ``now``; each further one of ``staggered.passes`` goes back and
+        repeats the step with the phase field of the history field that the pass before it led to.
+        """
+        for body in self.bodies:
+            body.keep_sorted(size)
+        passes = self.case.staggered.passes
+        start = self._copies() if passes > 1 else {}
+        self._map_to_grid(now)
+        self._solve_phase_fields(now)
+        self._move(now, size)
+        for _ in range(passes - 1):
+            self._go_back_with_phase_field_ahead(start, now)
+            self._map_to_grid(now)
+            self._move(now, size)
+
+    def _copies(self) -> dict[str, NDArray]:
+        return {name: array.copy() for name, array in self.checkpoint().items()}
+
+    def _map_to_grid(self, now: float) -> None:
+        with self.costs.timed("to_grid"):
+            for body in self.bodies:
+                body.map_to_grid()
+            self._tractions.add(now)
+
+    def _solve_phase_fields(self, now: float) -> None:
+        with self.costs.timed("phase_field"):
+            for phase_field in self.phase_fields:
+                phase_field.solve(now)
+
+    def _go_back_with_phase_field_ahead(self, start: Mapping[str, NDArray], now: float) -> None:
+        """The state at the start of the step, but for the phase field and the stresses that it softens."""
+        ahead = [body.points.history for body in self.bodies]
+        self.restore(start)
+        committed = [body.points.history for body in self.bodies]
+        self._set_histories(ahead)
+        self._solve_phase_fields(now)
+        self._set_histories(committed)
+        for body in self._moving:
+            body.evaluate_stresses()
+
+    def _set_histories(self, histories: list[NDArray]) -> None:
+        for body, history in zip(self.bodies, histories, strict=True):
+            body.points.history = history
+
+    def _move(self, now: float, size: float) -> None:
+        """Trial velocities, contact, and the points' motion from what is mapped to the grid."""
+        with self.costs.timed("grid"):
+            for body in self.bodies:
+                body.find_trial_velocities(size)
+            impulses = self._hold(now)
+        with self.costs.timed("contact"):
+            self.contact.detect()
+            self.contact.exchange(size)
+        with self.costs.timed("grid"):
+            self._count_boundary_work(impulses + self._hold(now), size)
+        self._update(now, size)
+
+    def _update(self, now: float, size: float) -> None:
+        """Velocities, places, strains and stresses of the points."""
+        if not self._updates_last:
+            with self.costs.timed("to_points"):
+                for body in self.bodies:
+                    body.update_all(size)
+            return
+        with self.costs.timed("to_points"):
+            for body in self.bodies:
+                body.update_points(size)
+        with self.costs.timed("to_grid"):
+            for body in self._moving:
+                body.map_momentum_again()
+            self._hold(now)
+        with self.costs.timed("to_points"):
+            for body in self._moving:
+                body.update_stresses(size)
+
+    def _hold(self, now: float) -> NDArray:
+        """Prescribe velocities; the impulses (n_lines,) that it takes [force time]."""
+        return np.array([line.apply(now) for line in self._lines])
+
+    def _count_boundary_work(self, impulses: NDArray, size: float) -> None:
+        work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
+        work += size * (self._tractions.power() + sum(body.damping_power() for body in self._moving))
+        self._boundary_work += work
+        self._boundary_power = work / size
+
+    # ---------------------------------------------------------------- what can be seen
+
+    def balance(self) -> Balance:
+        """Energies and momentum of the bodies that are not rigid."""
+        moving, motions = self._moving, self._motions()
+        gravity = np.array(self.case.dynamics.gravity)  # type: ignore[union-attr]
+        momentum = np.sum([motion.momentum for motion in motions], axis=0)
+        fallen = float(gravity @ (_first_moment(motions) - self._start))
+        return Balance(
+            elastic=sum(float((body.energy_density() * body.points.volume).sum()) for body in moving),
+            fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
+            kinetic=sum(motion.energy for motion in motions),
+            external_work=fallen + self._boundary_work + self.contact.work_of_rigid,
+            external_power=float(gravity @ momentum) + self._boundary_power,
+            contact_work=self.contact.work,
+            momentum=(float(momentum[0]), float(momentum[1])),
+        )
+
+    def _motions(self) -> list[Motion]:
+        return [body.motion() for body in self._moving]
+
+    def least_phase_field(self) -> float:
+        """Smallest phase field of all points."""
+        return min(float(body.points.c.min()) for body in self.bodies)
+
+    def monitored(self) -> dict[str, float]:
+        """Motion of each body as a whole, and the impulse that contact has given it."""
+        columns: dict[str, float] = {}
+        self.contact.begin_record()
+        for body, impulse in zip(self.bodies, self.contact.impulse, strict=True):
+            motion = body.motion()
+            values = (*motion.place, *motion.momentum, motion.spin)
+            columns |= {f"{body.name}_{key}": float(v) for key, v in zip(MOTION_COLUMNS, values, strict=True)}
+            if len(self.bodies) > 1:
+                columns |= {f"{body.name}_impulse_x": float(impulse[0]), f"{body.name}_impulse_y": float(impulse[1])}
+        for name, count in self.contact.violations.items():
+            self.costs.count[name] = count
+        return columns
+
+    def fields(self) -> Fields:
+        """Points as they stand, in the order in which they were placed, and the occupied cells of the grid."""
+        n = len(self.cloud.positions)
+        gathered: dict[str, NDArray] = {}
+        for body in self.bodies:
+            for name, values in self._point_fields(body).items():
+                gathered.setdefault(name, np.zeros((n, *values.shape[1:])))[body.points.number] = values
+        corners, cells, phase_field = self._occupied_cells()
+        return Fields(
+            **gathered,
+            reference=self.cloud.positions,
+            volume=self.cloud.volume,
+            displacement=gathered["points"] - self.cloud.positions,
+            body=self.cloud.body,
+            grid_points=corners,
+            grid_cells=cells,
+            grid_displacement=np.zeros_like(corners),
+            grid_phase_field=phase_field,
+        )
+
+    def _point_fields(self, body: MovingBody) -> dict[str, NDArray]:
+        """Arrays over a body's points; the gradient is that of the strain alone, without turning."""
+        p = body.points
+        return {
+            "points": body.positions(),
+            "gradient": np.column_stack([p.exx, 0.5 * p.gxy, 0.5 * p.gxy, p.eyy]),
+            "phase_field": p.c,
+            "history_field": p.history,
+            "stress": np.column_stack([p.sxx, p.syy, p.sxy]),
+            "energy_density": body.energy_density(),
+            "broken_at": p.broken_at,
+        }
+
+    def _occupied_cells(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Corners (4 n, 2), quads (n, 4) and the mean phase field at the corners (4 n,) of cells that hold points."""
+        cells = np.concatenate(
+            [np.column_stack([np.floor(b.points.x), np.floor(b.points.y)]).astype(int) + b.corner for b in self.bodies]
+        )
+        phase_field = np.concatenate([body.points.c for body in self.bodies])
+        lower, upper = cells.min(axis=0), cells.max(axis=0)
+        number = np.ravel_multi_index((cells - lower).T, upper - lower + 1)
+        occupied, place, count = np.unique(number, return_inverse=True, return_counts=True)
+        mean = np.bincount(place, weights=phase_field) / count
+        first = np.column_stack(np.unravel_index(occupied, upper - lower + 1)) + lower
+        steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        corners = (first[:, None, :] + steps).reshape(-1, 2)
+        return (
+            self.bodies[0].origin + self.case.mesh.h * corners,
+            np.arange(len(corners)).reshape(-1, 4),
+            np.repeat(mean, 4),
+        )
+
+    def measures(self) -> dict[str, float]:
+        """Errors against the exact solution where there is one; half-width and peak of the pressure on a floor."""
+        errors = moving_errors(self.case, self.fields())
+        pressed = self.contact.pressure_on_floor(self.case.mpm.order)
+        if pressed and self.case.dynamics is not None:
+            weight = -self.case.dynamics.gravity[1] * sum(body.points.mass.sum() for body in self._moving)
+            area = self.case.mesh.h * self.case.plane.thickness
+            errors["contact_half_width"] = self.case.mesh.h * pressed["half_width"]
+            errors["peak_pressure"] = weight * pressed["peak"] / area
+        return errors
+
+    def checkpoint(self) -> dict[str, NDArray]:
+        """Arrays from which `restore` makes the state again."""
+        arrays = {"boundary": np.array([self._boundary_work, self._boundary_power])}
+        arrays |= {f"contact_{name}": array for name, array in self.contact.checkpoint().items()}
+        for number, body in enumerate(self.bodies):
+            arrays |= {f"body{number}_{name}": array for name, array in body.checkpoint().items()}
+        for number, phase_field in enumerate(self.phase_fields):
+            arrays |= {f"phase_field{number}_{name}": array for name, array in phase_field.checkpoint().items()}
+        return arrays
+
+    def restore(self, saved: Mapping[str, NDArray]) -> None:
+        """Go back to the state of a checkpoint of the same case."""
+        self._boundary_work, self._boundary_power = map(float, saved["boundary"])
+        self.contact.restore(_part(saved, "contact_"))
+        for number, body in enumerate(self.bodies):
+            body.restore(_part(saved, f"body{number}_"))
+        for number, phase_field in enumerate(self.phase_fields):
+            phase_field.restore(_part(saved, f"phase_field{number}_"))
+
+
+def _part(saved: Mapping[str, NDArray], prefix: str) -> dict[str, NDArray]:
+    """Arrays whose names begin with a prefix, under the rest of their names."""
+    return {name.removeprefix(prefix): array for name, array in saved.items() if name.startswith(prefix)}
+
+
+def _first_moment(motions: list[Motion]) -> NDArray:
+    """Sum (2,) of mass times place."""
+    return np.sum([motion.mass * motion.place for motion in motions], axis=0)

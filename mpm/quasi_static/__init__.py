@@ -1,0 +1,1 @@
+"""Material points under loads that change slowly (thesis Algorithm 1)."""

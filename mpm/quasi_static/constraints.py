@@ -1,0 +1,274 @@
+"""Kinematic constraints: on grid nodes by elimination, or on the body by the penalty method (Appendix A).
+
+The thesis holds the material points nearest to an edge, which lie a little inside the body. Holding the points'
+edges instead - the displacement there, by the basis of the point's cell - leaves no such offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+from cases.boundaries import BoundarySet, nearest_on_segment
+from cases.geometry import Circle
+from mpm.grid import GridError
+from mpm.placement import PointCloud
+from numerics.sparse_pattern import SymmetricPattern, gather_vector
+from physics.exact import MOTIONS
+
+DIRECTIONS: dict[str | None, int] = {"x": 0, "y": 1}
+#: a point stands on an edge when its own extent, with a little slack, reaches it
+REACH = 0.53
+
+
+@dataclass
+class Motion:
+    """Prescribed motion of a list of places: u = scale * load + value, or a named exact field.
+
+    ``places`` are nodes or points, held at ``positions`` (n, 2), which are ``offset`` (n, 2) away from the points.
+    ``component`` is 0 or 1; ``tied`` places share one free displacement.
+    """
+
+    places: NDArray
+    offset: NDArray
+    component: int
+    positions: NDArray
+    scale: float = 0.0
+    value: float = 0.0
+    field: str | None = None
+    tied: bool = False
+
+    def displacement(self, case: Case, load: float) -> NDArray:
+        """Displacement component (n,) at a load."""
+        if self.field is not None:
+            return MOTIONS[self.field](case, self.positions, load)[:, self.component]
+        return np.full(len(self.places), self.scale * load + self.value)
+
+    def rate(self, case: Case, load: float) -> NDArray:
+        """Change of the displacement with the load (n,)."""
+        if self.field is None:
+            return np.full(len(self.places), self.scale)
+        step = 1e-6 * case.mesh.h
+        return (self.displacement(case, load + step) - self.displacement(case, load - step)) / (2.0 * step)
+
+
+Pair = tuple[float, float]
+#: chooses the places of a boundary set: (indices (n,), offsets (n, 2))
+Selector = Callable[[BoundarySet], tuple[NDArray, NDArray]]
+
+
+def displacement_motions(case: Case, select: Selector, positions: NDArray) -> list[Motion]:
+    """The case's displacement constraints on the places that ``select`` finds among ``positions`` (n, 2)."""
+    motions = []
+    for constraint in case.constraints:
+        if constraint.direction == "phase":
+            continue
+        places, offset = select(case.boundaries[constraint.on])
+        if len(places) == 0:
+            raise GridError(
+                f"{case.source}: boundaries.{constraint.on}: no grid node or material point lies on it;"
+                " move it onto a body"
+            )
+        directions = (0, 1) if constraint.motion else (DIRECTIONS[constraint.direction],)
+        motions += [
+            Motion(
+                places, offset, component, positions[places] + offset, constraint.scale or 0.0,
+                constraint.value or 0.0, constraint.motion, bool(constraint.tied),
+            )
+            for component in directions
+        ]  # fmt: skip
+    return motions
+
+
+class PointsOn:
+    """Selector of material points on a boundary set, held at their edges if ``at_edges``."""
+
+    def __init__(self, case: Case, cloud: PointCloud, at_edges: bool) -> None:
+        self._cloud, self._at_edges, self._box = cloud, at_edges, case.bounding_box()
+
+    def __call__(self, boundary: BoundarySet) -> tuple[NDArray, NDArray]:
+        """Numbers (n,) of the points and, from each, the offset (n, 2) of the place where it is held [length]."""
+        edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
+        if edges:
+            places, offsets = zip(*(self._on_edge(boundary, edge) for edge in edges), strict=True)
+            return np.concatenate(places), np.concatenate(offsets)
+        if self._at_edges and boundary.point:
+            return self._in_region(boundary.point, boundary.point)
+        if self._at_edges and boundary.box:
+            return self._in_region(boundary.box.lower, boundary.box.upper)
+        if self._at_edges and boundary.circle:
+            return self._on_circle(boundary.circle)
+        if self._at_edges and boundary.segment:
+            return self._on_segment(boundary.segment)
+        reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(self._cloud.size.prod(axis=1))
+        chosen = np.flatnonzero(boundary.select(self._cloud.positions, reach, self._box))  # type: ignore[arg-type]
+        return chosen, np.zeros((len(chosen), 2))
+
+    def _on_edge(self, boundary: BoundarySet, edge: str) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach an edge of the bounding box, held on it."""
+        cloud = self._cloud
+        across, corner = (0 if edge in ("left", "right") else 1), int(edge in ("right", "top"))
+        one = boundary.model_copy(update={"edge": edge, "edges": None})
+        reach = REACH * cloud.size[:, across]
+        places = np.flatnonzero(one.select(cloud.positions, reach, self._box))  # type: ignore[arg-type]
+        offset = np.zeros((len(places), 2))
+        if self._at_edges:
+            offset[:, across] = self._box[corner][across] - cloud.positions[places, across]
+        return places, offset
+
+    def _in_region(self, lower: Pair, upper: Pair) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach into a box, held at the nearest place in it.
+
+        A rectangle that only touches the box's end is left out, and so is one that ends on a flat box where one
+        beside it begins: a place held from two cells would stiffen both as soon as it moves.
+        """
+        cloud = self._cloud
+        start = cloud.positions + cloud.corner
+        end = start + cloud.size
+        slack = (REACH - 0.5) * cloud.size
+        overlap = np.minimum(end, upper) - np.maximum(start, lower)
+        flat = np.asarray(upper) - np.asarray(lower) <= slack
+        reaching = np.where(flat, overlap >= -slack, overlap > slack).all(axis=1)
+        for direction in (0, 1):
+            ends_there = np.abs(end - lower)[:, direction] <= slack[:, direction]
+            on_flat = reaching & flat[:, direction]
+            ending, other = np.flatnonzero(on_flat & ends_there), on_flat & ~ends_there
+            begins, ends, least = (part[:, 1 - direction] for part in (start, end, slack))
+            beside = np.minimum(ends[ending, None], ends[other]) - np.maximum(begins[ending, None], begins[other])
+            reaching[ending[(beside > least[ending, None]).any(axis=1)]] = False
+        held = np.flatnonzero(reaching)
+        return held, np.clip(cloud.positions[held], lower, upper) - cloud.positions[held]
+
+    def _on_circle(self, circle: Circle) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach the circle, held at the nearest place on it."""
+        cloud = self._cloud
+        outward = cloud.positions - np.asarray(circle.centre)
+        distance = np.linalg.norm(outward, axis=1)
+        reach = REACH * np.sqrt(2.0) * cloud.size.max(axis=1)
+        places = np.flatnonzero(np.abs(distance - circle.radius) <= reach)
+        return places, outward[places] * (circle.radius / distance[places] - 1.0)[:, None]
+
+    def _on_segment(self, ends: tuple[Pair, Pair]) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach the segment, held at the nearest place on it."""
+        cloud = self._cloud
+        offset = nearest_on_segment(cloud.positions, ends) - cloud.positions
+        places = np.flatnonzero((np.abs(offset) <= REACH * cloud.size).all(axis=1))
+        return places, offset[places]
+
+
+def nodes_on(case: Case, nodes: NDArray) -> Selector:
+    """Selector of grid nodes on a boundary set."""
+
+    def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
+        """Numbers (n,) of the nodes and their distances (n, 2) from the set, none here."""
+        chosen = np.flatnonzero(boundary.select(nodes, 1e-6 * case.mesh.h, case.bounding_box()))
+        return chosen, np.zeros((len(chosen), 2))
+
+    return select
+
+
+class PointPenalty:
+    """Motions prescribed on the body by stiff springs, Eqs. A.1-A.6.
+
+    The list of springs is flat: motion after motion, place after place. Tied motions pull their places to one
+    more unknown each, numbered after those of the grid. ``component`` (n_springs,) is the
+    direction of each, ``displacement`` (n_springs,) the committed one of their places.
+    """
+
+    def __init__(self, case: Case, motions: list[Motion], stiffness: NDArray) -> None:
+        self._case, self._motions = case, motions
+        self.places = _joined([m.places for m in motions], int)
+        self.offset = np.concatenate([m.offset for m in motions]) if motions else np.zeros((0, 2))
+        self.component = _joined([np.full(len(m.places), m.component) for m in motions], int)
+        self._stiffness = stiffness[self.places]
+        self.n_tied = sum(m.tied for m in motions)
+        tied = np.cumsum([m.tied for m in motions]) - 1
+        masters = [np.full(len(m.places), t if m.tied else -1) for m, t in zip(motions, tied, strict=True)]
+        self._master = _joined(masters, int)
+        self.displacement = np.zeros(len(self.places))
+
+    def find_in_grid(self, nodes: NDArray, value: NDArray, equations: NDArray, size: int) -> None:
+        """Take the nodes (n_springs, k) and basis values (n_springs, k) at the springs' present places."""
+        self._value, self._unknowns = value, 2 * nodes + self.component[:, None]
+        self._equations, self._size = equations[self._unknowns], size
+        self._first_master = size - self.n_tied
+
+    def displaced(self, increment: NDArray) -> NDArray:
+        """Displacement (n_springs,) after a grid increment (n_nodes, 2)."""
+        return self.displacement + (self._value * increment.reshape(-1)[self._unknowns]).sum(axis=1)
+
+    @staticmethod
+    def coupling(motions: list[Motion], equations: NDArray, grid_size: int) -> NDArray | None:
+        """Pairs of equations that tied motions can couple beyond their cells."""
+        tied = [m for m in motions if m.tied]
+        if not tied:
+            return None
+        pairs = []
+        for number, motion in enumerate(tied):
+            column = equations[motion.component :: 2]
+            column = column[column >= 0].astype(np.int64)
+            pairs.append(np.column_stack([column, np.full(len(column), grid_size + number)]))
+        return np.concatenate(pairs)
+
+    def _targets(self, load: float, tied: NDArray) -> NDArray:
+        prescribed = [
+            np.zeros(len(m.places)) if m.tied else m.displacement(self._case, load) for m in self._motions
+        ]
+        targets = _joined(prescribed, float)
+        is_tied = self._master >= 0
+        targets[is_tied] = tied[self._master[is_tied]]
+        return targets
+
+    def _gap(self, displacement: NDArray, load: float, tied: NDArray) -> NDArray:
+        return displacement - self._targets(load, tied)
+
+    def forces(self, displacement: NDArray, load: float, tied: NDArray) -> NDArray:
+        """Spring forces (n_springs,), positive where the point is ahead of its target."""
+        return self._stiffness * self._gap(displacement, load, tied)
+
+    def residual(self, forces: NDArray) -> NDArray:
+        """Forces of the springs on the equations (size,)."""
+        total = gather_vector(self._equations, self._value * forces[:, None], self._size)
+        is_tied = self._master >= 0
+        np.add.at(total, self._first_master + self._master[is_tied], -forces[is_tied])
+        return total
+
+    def rates(self, load: float) -> NDArray:
+        """Change of the targets with the load (n_springs,)."""
+        return _joined([np.zeros(len(m.places)) if m.tied else m.rate(self._case, load) for m in self._motions], float)
+
+    def add_stiffness(self, pattern: SymmetricPattern, values: NDArray) -> None:
+        """Add the springs' stiffness to the stored entries of the tangent, in place (Eq. A.6)."""
+        first, second = np.triu_indices(self._value.shape[1])
+        rows, columns = self._equations[:, first], self._equations[:, second]
+        products = self._stiffness[:, None] * self._value[:, first] * self._value[:, second]
+        kept = (rows >= 0) & (columns >= 0)
+        np.add.at(values, pattern.positions(rows[kept], columns[kept]), products[kept])
+        is_tied = self._master >= 0
+        if is_tied.any():
+            self._add_tied_stiffness(pattern, values, is_tied)
+
+    def _add_tied_stiffness(self, pattern: SymmetricPattern, values: NDArray, is_tied: NDArray) -> None:
+        masters = self._first_master + self._master[is_tied]
+        rows = self._equations[is_tied]
+        columns = np.broadcast_to(masters[:, None], rows.shape)
+        coupling = -self._stiffness[is_tied, None] * self._value[is_tied]
+        kept = rows >= 0
+        np.add.at(values, pattern.positions(rows[kept], columns[kept]), coupling[kept])
+        np.add.at(values, pattern.positions(masters, masters), self._stiffness[is_tied])
+
+    def constraint_error(self, displacement: NDArray, load: float, tied: NDArray) -> float:
+        """Largest distance of a point from its target, relative to the largest target; 0 without load."""
+        targets = self._targets(load, tied)
+        largest = np.abs(targets).max(initial=0.0)
+        if largest == 0.0:
+            return 0.0
+        return float(np.abs(self._gap(displacement, load, tied)).max() / largest)
+
+
+def _joined(parts: list[NDArray], kind: type) -> NDArray:
+    return np.concatenate(parts).astype(kind) if parts else np.zeros(0, kind)

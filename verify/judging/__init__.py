@@ -1,0 +1,1 @@
+"""Finished runs held against targets: verdicts, baselines and the summary."""

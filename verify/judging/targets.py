@@ -1,0 +1,171 @@
+"""Values of metrics and what they are held against: in a run, in print, in an exact solution."""
+
+import difflib
+from collections.abc import Callable
+
+import numpy as np
+
+from cases import Case, Check
+from cases.errors import UserError
+from cases.judging import EACH
+from physics.exact import SOLUTIONS
+from verify.metrics.curves import Curve
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import METRICS, PAIR_METRICS, SWEEP_METRICS, find_metric
+from verify.runs.run_folder import RunFolder
+
+CURVE_METRICS = ("peak_force", "displacement_at_peak", "initial_stiffness")  # of a curve alone
+Available = Callable[[str], RunFolder]
+
+
+class JudgeError(UserError):
+    """Something asked for cannot be judged; its text is one sentence with place, value and remedy."""
+
+
+def require_sense(case: Case, number: int, check: Check) -> None:
+    """Refuse a check that no result could ever answer; ``number`` is its place in the case file.
+
+    Raises
+    ------
+    JudgeError : unknown metric or parameter, or a metric of one run, two or a sweep in the wrong place.
+    """
+    _require_metric(case, number, check)
+    members = members_of(case, check.run)
+    kind, name = check.target
+    where = f"{case.source}: checks[{number}]"
+    if check.metric in PAIR_METRICS and not _has_counterpart(case, check):
+        raise JudgeError(
+            f"{where}.against: {check.metric} needs another run or curve, not {check.against!r}."
+        )
+    if check.metric not in SWEEP_METRICS and members != [check.run]:
+        raise JudgeError(f"{where}.run: {check.run!r} is a sweep; name {_choice(check.run, members)}.")
+    if check.metric in SWEEP_METRICS and kind in ("run", "exact"):
+        raise JudgeError(f"{where}.against: {check.metric} of a sweep needs a value, not {check.against!r}.")
+    if kind == "run" and members_of(case, name) != [name]:
+        raise JudgeError(
+            f"{where}.against: {name!r} is a sweep; name {_choice(name, members_of(case, name))}."
+        )
+
+
+def _choice(family: str, members: list[str]) -> str:
+    return f"all of them, {family + EACH!r}, or one: {', '.join(members)}"
+
+
+def _require_metric(case: Case, number: int, check: Check) -> None:
+    where = f"{case.source}: checks[{number}]"
+    try:
+        metric = find_metric(check.metric)
+    except MetricError as error:
+        known = [*METRICS, *PAIR_METRICS, *SWEEP_METRICS]
+        near = difflib.get_close_matches(check.metric, known, n=1)
+        remedy = f"did you mean {near[0]!r}?" if near else f"choose one of {', '.join(known)}."
+        raise JudgeError(f"{where}.metric: {check.metric!r} is not a metric; {remedy}") from error
+    for name in check.parameters:
+        if name not in metric.parameters:
+            known_names = ", ".join(metric.parameters) or "none"
+            raise JudgeError(
+                f"{where}.parameters.{name}: {check.metric} has no such parameter; it has: {known_names}."
+            )
+
+
+def _has_counterpart(case: Case, check: Check) -> bool:
+    kind, name = check.target
+    if kind == "run":
+        return True
+    if check.metric.startswith("path_"):
+        return False
+    return kind == "exact" or (kind == "reference" and case.references[name].curve is not None)
+
+
+def members_of(case: Case, run_name: str) -> list[str]:
+    """The run itself, or all runs of the sweep of that name."""
+    if run_name in case.expanded_runs():
+        return [run_name]
+    return [name for name in case.expanded_runs() if case.run_spec(name).family == run_name]
+
+
+def value_of(check: Check, case: Case, available: Available) -> float:
+    """What the run gives for the check's metric; MetricError or CurveError where it gives nothing.
+
+    available : the finished run of a name; it raises where there is none.
+    """
+    runs = [available(name) for name in members_of(case, check.run)]
+    if check.metric in SWEEP_METRICS:
+        return SWEEP_METRICS[check.metric](runs, **check.parameters)
+    if check.metric in PAIR_METRICS:
+        return PAIR_METRICS[check.metric](runs[0], _counterpart(check, case, available), **check.parameters)
+    return find_metric(check.metric)(runs[0], **check.parameters)
+
+
+def _counterpart(check: Check, case: Case, available: Available) -> RunFolder | Curve:
+    kind, name = check.target
+    if kind == "run":
+        return available(name)
+    return reference_curve(case, name) if kind == "reference" else exact_curve(available(check.run))
+
+
+def reference_curve(case: Case, name: str) -> Curve:
+    """The published curve of a reference."""
+    points = case.reference_curve(name)
+    return Curve(points[:, 0], points[:, 1], f"reference {name}")
+
+
+def exact_curve(run: RunFolder) -> Curve:
+    """Exact force at the displacements of a run."""
+    case = run.case
+    force = SOLUTIONS[case.exact].force if case.exact else None
+    if force is None:
+        raise MetricError(
+            f"{case.name}: its exact solution {case.exact!r} gives no force; check another metric"
+        )
+    u = run.history["u"].to_numpy()
+    return Curve(u, np.array([force(case, float(value)) for value in u]), "exact solution")
+
+
+def target_of(check: Check, case: Case, available: Available) -> float | None:
+    """The metric's value elsewhere; None where the metric is a distance, whose target is nought."""
+    kind, name = check.target
+    if kind == "none" or check.metric in PAIR_METRICS:
+        return None
+    if kind == "value":
+        return float(name)
+    if kind == "run":
+        return find_metric(check.metric)(available(name), **check.parameters)
+    if kind == "reference":
+        return _published(check, case, name)
+    return _exact(check, available(check.run))
+
+
+def _published(check: Check, case: Case, name: str) -> float:
+    values = case.references[name].values
+    if check.metric in values:
+        return values[check.metric]
+    if check.metric not in CURVE_METRICS:
+        raise MetricError(
+            f"references.{name}.values: has no {check.metric}, nor does its curve tell it; add it"
+        )
+    return METRICS[check.metric](reference_curve(case, name))
+
+
+def _exact(check: Check, run: RunFolder) -> float:
+    case = run.case
+    solution = SOLUTIONS.get(case.exact or "")
+    if check.metric in CURVE_METRICS:
+        return METRICS[check.metric](exact_curve(run))
+    if solution and check.metric in solution.values:
+        return solution.values[check.metric](case, **check.parameters)
+    if check.metric == "fracture_energy" and solution and solution.fracture_energy:
+        return solution.fracture_energy(case)
+    if check.metric == "phase_field_minimum" and solution and solution.phase_field_minimum:
+        return solution.phase_field_minimum(case, float(run.history["u"].iloc[-1]))
+    if check.metric in ("energy_release_rate", "fracture_energy_rate"):
+        return seen_toughness(case)
+    raise MetricError(f"{case.name}: no exact value of {check.metric} is known; check it against a value")
+
+
+def seen_toughness(case: Case) -> float:
+    """Gc (1 + h / (4 l0)) of the first material that breaks: what a mesh of size h makes of the toughness."""
+    fractures = [material.fracture for material in case.materials.values() if material.fracture]
+    if not fractures:
+        raise MetricError(f"{case.name}: no material can break, so there is no toughness; add one")
+    return fractures[0].toughness * (1.0 + case.mesh.h / (4.0 * fractures[0].length_scale))

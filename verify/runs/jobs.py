@@ -1,0 +1,201 @@
+"""Runs to do: one after the other, in several processes at a time, or on the workers of a Dask cluster."""
+
+import math
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cases import Case, load_case
+from verify.runs.atomic import WriteError
+from verify.runs.cluster import LostTask, results
+from verify.runs.progress import progress_view
+from verify.runs.provenance import source_hash
+from verify.runs.run_folder import STATUSES, RunFolder, case_folder
+from verify.runs.running import REPEATABLE_STATUSES, run, up_to_date
+
+
+class OutOfTimeError(Exception):
+    """A run was given up because it took longer than it was allowed to."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run to do; plain data, so that another process can take it.
+
+    change : tables laid over those of the run
+    timeout : seconds of the wall's clock, from its first state, after which it is given up at its next increment; a run
+        that failed is then taken for finished as well, but for one that was given more time since
+    """
+
+    source: Path
+    name: str
+    run: str
+    tier: str
+    out: Path
+    threads: int
+    force: bool = False
+    resume: bool = False
+    change: dict[str, Any] = field(default_factory=dict)
+    timeout: float | None = None
+    label: str = ""
+
+    @property
+    def title(self) -> str:
+        """What the run is called while it goes on."""
+        return f"{self.name} {self.tier} {self.label or self.run}"
+
+    def case(self) -> Case:
+        """The case to be run; CaseError where there is a mistake in it."""
+        return load_case(self.source, self.tier, self.run, self.change)
+
+    def folder(self) -> Path:
+        """Where its results go."""
+        return case_folder(self.out, self.case(), self.run)
+
+    def finished(self) -> RunFolder | None:
+        """The run where it need not be done again."""
+        case = self.case()
+        statuses = REPEATABLE_STATUSES if self.timeout is None else STATUSES
+        done = up_to_date(case, case_folder(self.out, case, self.run), statuses)
+        return None if done is not None and self._has_more_time_than(done) else done
+
+    def _has_more_time_than(self, done: RunFolder) -> bool:
+        late = done.info["reason"].startswith(OutOfTimeError.__name__)
+        return late and self.timeout is not None and self.timeout > done.info["seconds"].get("total", 0.0)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended, in words."""
+
+    title: str
+    line: str
+    failed: bool
+
+
+def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator[Outcome]:
+    """Do all jobs, so many at a time; yields each as it ends.
+
+    cluster : address of a Dask scheduler, on whose workers they are done, one at a time on each
+
+    Raises
+    ------
+    ClusterError : the cluster cannot be used.
+    """
+    if cluster is not None:
+        yield from _on_cluster(todo, cluster)
+        return
+    if jobs == 1 or len(todo) < 2:
+        yield from map(do, todo)
+        return
+    # a fresh process for each run: the thread count of a used one is fixed, and its memory not its own
+    with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
+        for future in as_completed([pool.submit(_do_for_parent, job) for job in todo]):
+            yield future.result()
+
+
+def _on_cluster(todo: list[Job], address: str) -> Iterator[Outcome]:
+    """By workers that see the same files under the same paths."""
+    everywhere = [replace(job, source=job.source.resolve(), out=job.out.resolve()) for job in todo]
+    tasks = [(job, source_hash()) for job in everywhere]
+    for (job, _), outcome in results(_do_on_worker, tasks, address):
+        folder = job.folder()
+        if isinstance(outcome, LostTask):
+            kept = "go on behind its last checkpoint with `verify run --resume`"
+            yield Outcome(job.title, f"{outcome.reason}; {folder}: {kept}", True)
+        elif not (outcome.failed or folder.exists()):
+            yield Outcome(job.title, f"{folder} is not there: the workers must share this machine's file system", True)
+        else:
+            yield outcome
+
+
+def _do_on_worker(task: tuple[Job, str]) -> Outcome:
+    """A job, where the worker has the same code."""
+    job, source = task
+    if source_hash() != source:
+        return Outcome(job.title, "its worker has another version of the project; install the same everywhere", True)
+    return do(job)
+
+
+def _fresh_processes() -> multiprocessing.context.BaseContext:
+    """Where the platform can, copies of one process that has imported the solvers and computed nothing."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["verify.runs.jobs", "verify.runs.preloaded"])
+    return context
+
+
+def _do_for_parent(job: Job) -> Outcome:
+    # a shell starts what runs in its background with interrupts ignored, and children take that over
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    return do(job)
+
+
+def _end_with_parent() -> None:
+    """A run whose parent was killed is interrupted too, behind its last checkpoint, and does not go on alone."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def do(job: Job) -> Outcome:
+    """One run from start to end; a failure to write is a failed run, not the end of the others."""
+    finished = None if job.force else job.finished()
+    try:
+        with _progress(job, finished) as listener:
+            done = finished or run(
+                job.case(), job.run, job.tier, job.out, listener,
+                threads=job.threads, force=True, resume=job.resume,
+            )  # fmt: skip
+    except WriteError as error:
+        return Outcome(job.title, str(error), True)
+    return _outcome(job, done, finished is not None)
+
+
+@contextmanager
+def _progress(job: Job, finished: RunFolder | None) -> Iterator[Any]:
+    if finished:
+        yield None
+        return
+    with progress_view(job.title, Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty())) as view:
+        yield view if job.timeout is None else _until(job.timeout, view)
+
+
+def _until(timeout: float, view: Callable[[Any], None]) -> Callable[[Any], None]:
+    """The view, and the end of a run that takes too long from its first state on: compilation does not count."""
+    started = math.nan
+
+    def listen(increment: Any) -> None:
+        nonlocal started
+        view(increment)
+        started = time.perf_counter() if math.isnan(started) else started
+        if time.perf_counter() - started > timeout:
+            raise OutOfTimeError(f"more than {timeout:g} s, at u = {increment.u:.6g}")
+
+    return listen
+
+
+def _outcome(job: Job, done: RunFolder, was_up_to_date: bool) -> Outcome:
+    info = done.info
+    state = "up to date" if was_up_to_date else f"{info['seconds'].get('total', 0.0):.1f} s"
+    if not was_up_to_date and info.get("resumed_after_step") is not None:
+        state += f", resumed after step {info['resumed_after_step']}"
+    line = f"{info['status'].replace('_', ' ')} ({state}), {done.folder}"
+    if done.good:
+        return Outcome(job.title, line, False)
+    kept = "what came before is saved there" if info["increments"] else "there is no good state"
+    return Outcome(job.title, f"{line}; {info['reason']}; {kept}", True)
