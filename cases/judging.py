@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from cases.errors import BrokenRuleError
 from cases.files import existing_file, read_curve
+from cases.solvers import SolverName
 from cases.table import Name, Switch, Table
 from cases.units import Number
 
@@ -35,7 +36,7 @@ class RunSpec:
     Attributes
     ----------
     name : with its sweep values, such as "fem_levels[h=0.1]"
-    solver : "fem" or "mpm"
+    solver : of `cases.solvers.SOLVERS`
     family : the name in the file, such as "fem_levels"
     expect_failure : that it does not converge in the end is a result
     change : nested tables merged over the case for this run, sweep values included
@@ -43,7 +44,7 @@ class RunSpec:
     """
 
     name: str
-    solver: Literal["fem", "mpm"]
+    solver: str
     family: str
     expect_failure: bool = False
     change: dict[str, Any] = field(default_factory=dict)
@@ -85,7 +86,7 @@ class Run(Table):
         combination of values
     """
 
-    solver: Literal["fem", "mpm"]
+    solver: SolverName
     expect_failure: Switch = False
     change: dict[str, Any] = Field(default_factory=dict)
     sweep: dict[str, Annotated[tuple[SweepValue, ...], Field(min_length=1)]] = Field(default_factory=dict)

@@ -14,6 +14,7 @@ from cases import Case
 
 from .costs import Costs
 from .fields import Fields
+from .status import RunStatus
 from .time_steps import step_size
 
 
@@ -96,7 +97,7 @@ class Instant:
     passes: int
     steps_per_second: float
     seconds: float
-    status: str
+    status: RunStatus
     share: float
     reason: str = ""
     columns: dict[str, float] = field(default_factory=dict)
@@ -109,12 +110,12 @@ class Instant:
     @property
     def is_last(self) -> bool:
         """Nothing comes after it."""
-        return self.status == "blew_up"
+        return self.status == RunStatus.BLEW_UP
 
     @property
     def is_good(self) -> bool:
         """It holds a new state of the history."""
-        return self.status != "blew_up"
+        return self.status != RunStatus.BLEW_UP
 
     def row(self) -> dict[str, float]:
         """Columns of the history; F, conjugate to the time, is the power of the external forces."""
@@ -150,7 +151,7 @@ class Instant:
 def instants(discretisation: DynamicDiscretisation, case: Case, after: Instant | None = None) -> Iterator[Instant]:
     """Integrate the case in time; yields the state at the start, then every so many steps.
 
-    The last one's status is "running" where the end was reached, or "blew_up". ``after`` goes on behind an instant
+    The last one's status tells whether the end was reached or the run blew up. ``after`` goes on behind an instant
     whose state the discretisation has been restored to.
     """
     return _TimeMarch(discretisation, case, after).follow()
@@ -211,7 +212,7 @@ class _TimeMarch:
             passes=self.passes,
             steps_per_second=step / seconds if seconds else 0.0,
             seconds=seconds,
-            status="blew_up" if problem else "running",
+            status=RunStatus.BLEW_UP if problem else RunStatus.COMPLETE,
             share=step / self.n_steps,
             reason=problem,
             columns=self.discretisation.monitored(),

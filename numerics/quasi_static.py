@@ -14,6 +14,7 @@ from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
 from .refinement import FollowingDiscretisation
 from .staggered import Discretisation, NewtonError, StepOutcome, staggered_step
+from .status import RunStatus
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
 QUIET_SHARE = 0.25
@@ -49,7 +50,7 @@ class Increment:
     staggered: int
     newton: int
     seconds: float
-    status: str
+    status: RunStatus
     share: float
     reason: str = ""
     leg: int = 0
@@ -60,12 +61,12 @@ class Increment:
     @property
     def is_last(self) -> bool:
         """Nothing comes after it, whatever is left of the path."""
-        return self.status in ("broken_through", "no_convergence")
+        return self.status != RunStatus.COMPLETE
 
     @property
     def is_good(self) -> bool:
         """It does not repeat the last good state."""
-        return self.status != "no_convergence"
+        return self.status != RunStatus.NO_CONVERGENCE
 
     def row(self) -> dict[str, float]:
         """Columns of the history; the share of the load path stands for the time, and nothing moves."""
@@ -94,8 +95,8 @@ def increments(
 ) -> Iterator[Increment]:
     """Follow the load path of the case; yields the unloaded state first, then each accepted increment.
 
-    The last increment's status tells how it ended: "converged" or "fixed_passes" (path done), "broken_through",
-    or "no_convergence" (the state is the last good one, ``reason`` says why). ``after`` goes on behind an increment
+    The last increment's status tells how it ended: complete (path done), broken through, or no convergence (the state
+    is the last good one, ``reason`` says why). ``after`` goes on behind an increment
     whose state the discretisation has been restored to.
     """
     return _LoadPath(discretisation, case, after).follow()
@@ -153,10 +154,7 @@ class _LoadPath:
 
     def _first_state(self) -> Increment:
         outcome = staggered_step(self.discretisation, self.case, self.load)
-        return self._accept(self.load, outcome, self._status())
-
-    def _status(self) -> str:
-        return "fixed_passes" if self.case.staggered.scheme == "passes" else "converged"
+        return self._accept(self.load, outcome)
 
     def _advance(self, target: float) -> Increment:
         """One accepted increment towards the target, or the report that there is none."""
@@ -206,7 +204,7 @@ class _LoadPath:
             return self._advance(target)
         self.done = max(self.done, abs(load - self.case.load.path[0]))
         broken = self._broken(self.discretisation.reaction_force())
-        return self._accept(load, outcome, "broken_through" if broken else self._status())
+        return self._accept(load, outcome, RunStatus.BROKEN_THROUGH if broken else RunStatus.COMPLETE)
 
     def _refine(self) -> bool:
         """Whether the crack has left the fine cells: then there are more, and the last good state is on them."""
@@ -218,7 +216,7 @@ class _LoadPath:
         converged = {"staggered": self.case.staggered.model_copy(update={"scheme": "converged"})}
         outcome = staggered_step(self.discretisation, self.case.model_copy(update=converged), load)
         self.done += abs(load - self.load)
-        return self._accept(load, outcome, self._status())
+        return self._accept(load, outcome)
 
     def _try(self, load: float, smallest: bool) -> tuple[StepOutcome, str]:
         """Outcome of a staggered step and what speaks against accepting it."""
@@ -258,7 +256,7 @@ class _LoadPath:
         self.done += abs(load - self.load)
         broken = self._broken(self.discretisation.reaction_force())
         before = self.last.c_min if self.last else 1.0
-        accepted = self._accept(load, outcome, "broken_through" if broken else self._status())
+        accepted = self._accept(load, outcome, RunStatus.BROKEN_THROUGH if broken else RunStatus.COMPLETE)
         fall = before - accepted.c_min if accepted.c_min > BROKEN_PHASE_FIELD else 0.0
         if self.adaptive and fall > LARGEST_FALL:
             self.increment = max(0.5 * self.increment, self.case.load.smallest)
@@ -267,7 +265,7 @@ class _LoadPath:
         self.last = replace(accepted, next_size=self.increment)
         return self.last
 
-    def _accept(self, load: float, outcome: StepOutcome, status: str) -> Increment:
+    def _accept(self, load: float, outcome: StepOutcome, status: RunStatus = RunStatus.COMPLETE) -> Increment:
         discretisation = self.discretisation
         force = discretisation.reaction_force()
         elastic, fracture = discretisation.energies()
@@ -303,5 +301,5 @@ class _LoadPath:
     def _report_failure(self, problem: str) -> Increment:
         assert self.last is not None
         reason = f"{problem}; the smallest increment {self.case.load.smallest:g} after u = {self.load:g} failed"
-        self.last = replace(self.last, status="no_convergence", reason=reason)
+        self.last = replace(self.last, status=RunStatus.NO_CONVERGENCE, reason=reason)
         return self.last

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from .status import RunStatus
+
 
 class Record(Protocol):
     """One row of a run's history: the discretisation holds its state while the record is being listened to.
@@ -21,7 +23,7 @@ class Record(Protocol):
     @property
     def seconds(self) -> float: ...
     @property
-    def status(self) -> str: ...
+    def status(self) -> RunStatus: ...
     @property
     def reason(self) -> str: ...
 

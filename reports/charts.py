@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import NullFormatter
 
+from cases.solvers import SOLVERS
+from numerics.status import RunStatus
 from verify.studies.charts import choice_sentence
 from verify.studies.study import MADE_BEFORE, is_of_state, state_of
 
@@ -18,7 +20,7 @@ from .words import listed, number
 if TYPE_CHECKING:
     from .results import CaseResults
 
-FAILED = ("no_convergence", "failed")
+FAILED = [status for status in RunStatus if status.failed]
 COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations, or points × steps"}
 MARKERS = "osD^vP"
 
@@ -67,7 +69,7 @@ def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, 
     axis.grid(True)
     axis.set_axisbelow(True)
     for number_, (ladder, levels) in enumerate(part.groupby("ladder", sort=False)):
-        line = style.LINE_OF_SOLVER.get(str(levels["solver"].iloc[0]), "-.")
+        line = SOLVERS[str(levels["solver"].iloc[0])].line
         axis.plot(
             levels[cost], levels["error"], line, marker=MARKERS[number_ % len(MARKERS)], markersize=4,
             color=colours[str(ladder)], label=str(ladder).replace("_", " "),

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from cases import CaseError, load_case
+from cases.solvers import SOLVERS
 from verify.metrics.curves import Curve, CurveError, peak_index
 
 from . import style
@@ -32,7 +33,7 @@ MANY_RUNS = 6
 
 def run_label(run: RunResults) -> str:
     """Return a run's name with its method, ``mpm_gmres (PF-MPM)``; only the method where both agree."""
-    method = style.NAME_OF_SOLVER.get(run.solver, run.solver)
+    method = SOLVERS[run.solver].title
     return method if run.name == run.solver else f"{run.name} ({method})"
 
 
@@ -102,7 +103,7 @@ def _draw_published(axes: Any, published: list[tuple[str, pd.DataFrame]]) -> Non
 def _draw_history(axes: Any, run: RunResults, colour: str, force: str, displacement: str) -> None:
     history, peak = run.history, peak_row(run.history)
     said = f"{run_label(run)}, peak {number(peak['F'])} {force} at {number(peak['u'])} {displacement}"
-    line = style.LINE_OF_SOLVER.get(run.solver, "-.")
+    line = SOLVERS[run.solver].line
     axes.plot(history["u"], history["F"], line, color=colour, label=said, zorder=3)
     axes.plot(
         peak["u"],
@@ -141,7 +142,7 @@ def _relative_error(
     tables = [pd.read_csv(results.out / curve["file"]).assign(run=_names(curve)[0]) for curve in curves]
     for curve, table in zip(curves, tables, strict=True):
         run = results.runs.get(_names(curve)[0])
-        line = style.LINE_OF_SOLVER.get(run.solver if run else "", "-")
+        line = SOLVERS[run.solver].line if run else "-"
         colour = colours.get(_names(curve)[0], style.INK)
         axes.plot(table["u"], table["relative_error_percent"], line, color=colour, label=_names(curve)[0])
     peak_u = float(tables[0]["u"].to_numpy()[np.nanargmax(np.abs(tables[0]["F_reference"].to_numpy(float)))])
@@ -221,7 +222,7 @@ def _energy_sum(history: pd.DataFrame) -> pd.Series:
 
 
 def _draw_energies(axes: Any, run: RunResults) -> None:
-    history, line = run.history, style.LINE_OF_SOLVER.get(run.solver, "-.")
+    history, line = run.history, SOLVERS[run.solver].line
     axes.grid(True)
     axes.set_axisbelow(True)
     axes.plot(
@@ -271,7 +272,7 @@ def sweep_table(results: CaseResults) -> pd.DataFrame:
 
 def _theory(results: CaseResults, run: RunResults) -> float:
     """Return the L2 order of a smooth solution: 2 for linear elements, p + 1 for splines of order p."""
-    if run.solver == "fem":
+    if not SOLVERS[run.solver].by_points:
         return 2.0
     try:
         case = load_case(results.source, tier=results.tier or None, run=run.name)
@@ -314,7 +315,7 @@ def _convergence(measure: str, table: pd.DataFrame, results: CaseResults, folder
 def _draw_sweep(axes: Any, base: str, part: pd.DataFrame, colour: str) -> float:
     h, error = part["h"].to_numpy(float), part["error"].to_numpy(float)
     slope = float(np.polyfit(np.log(h), np.log(error), 1)[0]) if len(h) > 1 else float("nan")
-    line = style.LINE_OF_SOLVER.get(str(part["solver"].iloc[0]), "-.")
+    line = SOLVERS[str(part["solver"].iloc[0])].line
     axes.plot(
         h, error, line, marker="o", markersize=4, color=colour, label=f"{base}: slope {number(slope, 3)}"
     )

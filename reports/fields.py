@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
+from cases.solvers import SOLVERS
 from fem_reference.quality import scaled_jacobian
 
 from . import style
@@ -171,7 +172,7 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
     colours = {"cmap": style.PHASE_FIELD_COLOURS, "clim": (0.0, 1.0)}
 
     def draw(axes: Axes, run: RunResults, u: float) -> Any:
-        if run.solver == "fem":
+        if not SOLVERS[run.solver].by_points:
             return paint_mesh(axes, run.grid(u), **colours)
         points = run.points(u)
         return paint_points(axes, results.case, points.reference, points.phase_field, **colours)
@@ -233,7 +234,7 @@ def _stress_limit(runs: Sequence[RunResults], wanted: Sequence[float]) -> float 
 
 def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the quality of the moved elements over displacement, where strain is measured on them."""
-    run = next((r for r in results.main_runs() if r.solver == "fem" and len(r.stored) > 1), None)
+    run = next((r for r in results.main_runs() if not SOLVERS[r.solver].by_points and len(r.stored) > 1), None)
     if run is None or results.case is None or results.case.mesh.geometry == "initial":
         return None
     rows = []
@@ -259,8 +260,8 @@ def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
 def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the deformed FEM mesh beside the MPM's points: whole body above, the crack close up below."""
     pair = [
-        next((r for r in results.main_runs() if r.solver == s and r.stored.size), None)
-        for s in ("fem", "mpm")
+        next((r for r in results.main_runs() if SOLVERS[r.solver].by_points is points and r.stored.size), None)
+        for points in (False, True)
     ]
     fem, mpm = pair
     if fem is None or mpm is None or not _broke([fem, mpm]):
@@ -408,7 +409,7 @@ def crack_paths(results: CaseResults, folder: Path) -> style.Drawing | None:
 
 
 def _draw_path(axes: Axes, run: RunResults, colour: str) -> None:
-    line = style.LINE_OF_SOLVER.get(run.solver, "-.")
+    line = SOLVERS[run.solver].line
     axes.plot(*run.crack_path.T, line, color=colour, linewidth=1.6, label=run_label(run))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from cases.solvers import SOLVERS
 from verify.metrics.motion import missing_energy
 from verify.metrics.running_cracks import branches_of, rayleigh_speed_of
 
@@ -81,7 +82,7 @@ def _draw_over_time(axes: Any, runs: list[RunResults], colours: dict[str, str], 
     axes.set_axisbelow(True)
     for run in runs:
         if run.name in values:
-            line = style.LINE_OF_SOLVER.get(run.solver, "-.")
+            line = SOLVERS[run.solver].line
             axes.plot(run.history["time"], values[run.name], line, color=colours[run.name], label=run_label(run))
 
 
@@ -134,7 +135,7 @@ def tip_speed(results: CaseResults, folder: Path) -> style.Drawing | None:
 
 
 def _draw_speeds(axes: Any, run: RunResults, table: pd.DataFrame, colour: str) -> None:
-    line = style.LINE_OF_SOLVER.get(run.solver, "-.")
+    line = SOLVERS[run.solver].line
     for number_of_branch, part in table.groupby("branch"):
         first = number_of_branch == table["branch"].min()
         label = run_label(run) if first else None

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cases import load_case
+from cases.solvers import SOLVERS
 
 from . import style
 from .curves import peak_row
@@ -56,7 +57,7 @@ def critical_load(results: CaseResults, folder: Path) -> style.Drawing | None:
     colours = style.colours_of(list(dict.fromkeys(table["family"])))
     for family, part in table.groupby("family", sort=False):
         row = part.sort_values(KEY)
-        line = style.LINE_OF_SOLVER.get(str(row["solver"].iloc[0]), "-.")
+        line = SOLVERS[str(row["solver"].iloc[0])].line
         axes.plot(row[KEY], row["peak_force"], line, marker="o", markersize=4, color=colours[str(family)], label=family)
     axes.legend()
     name = "critical-load-over-orientation"

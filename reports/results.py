@@ -13,7 +13,9 @@ import numpy as np
 import pandas as pd
 
 from cases import Case, CaseError, load_case
-from verify.runs.run_folder import STATUSES, RunFolder, RunFolderError
+from cases.solvers import SOLVERS
+from numerics.status import RunStatus
+from verify.runs.run_folder import RunFolder, RunFolderError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -87,12 +89,12 @@ class RunResults:
     @property
     def exists(self) -> bool:
         """Whether the run left increments to show, of the case as it stands."""
-        return self._folder is not None and self.status in STATUSES and not self._folder.history.empty
+        return self._folder is not None and self.status.finished and not self._folder.history.empty
 
     @property
-    def status(self) -> str:
+    def status(self) -> RunStatus:
         """How the run ended, ``missing`` when it has no folder."""
-        return str(self.entry.get("status") or self.record.get("status") or "missing")
+        return RunStatus(self.entry.get("status") or self.record.get("status") or RunStatus.MISSING)
 
     @property
     def record(self) -> Mapping[str, Any]:
@@ -193,15 +195,15 @@ class CaseResults:
         return str(self.case.units.label(quantity)) if self.case else "case unit"
 
     def shown_runs(self) -> list[RunResults]:
-        """Return the runs that left results, FEM before MPM."""
+        """Return the runs that left results, in the order of the solvers."""
         present = [run for run in self.runs.values() if run.exists]
-        return sorted(present, key=lambda run: run.solver != "fem")
+        return sorted(present, key=lambda run: list(SOLVERS).index(run.solver))
 
     def main_runs(self, largest: int = 2) -> list[RunResults]:
         """Return one run per solver and then further ones, at most ``largest``; of a sweep the last level."""
         levels = {re.sub(r"\[.*\]$", "", run.name): run for run in self.shown_runs()}
         runs = list(levels.values())
-        firsts = [next((run for run in runs if run.solver == solver), None) for solver in ("fem", "mpm")]
+        firsts = [next((run for run in runs if run.solver == solver), None) for solver in SOLVERS]
         chosen = [run for run in firsts if run is not None]
         chosen += [run for run in runs if run not in chosen]
         return chosen[:largest]

@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
+from cases.solvers import SOLVERS
 from cases.spacing import grid_lines
 
 from . import style
@@ -359,7 +360,7 @@ def _draw_mesh_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None
     grid = run.grid(float(run.stored[0]))
     corners = grid.points[grid.cells]
     near = np.all((corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1]), axis=1)
-    colour = style.OKABE_ITO[0] if run.solver == "fem" else "#b9bec5"
+    colour = style.OKABE_ITO[0] if not SOLVERS[run.solver].by_points else "#b9bec5"
     axes.add_collection(
         PolyCollection(
             corners[near],
@@ -403,9 +404,9 @@ def _close_up(axes: Axes, results: CaseResults, case: Case, solver: str, window:
         _draw_planned_grid(axes, case)
         return "planned grid"
     _draw_mesh_close_up(axes, run, window)
-    if solver == "mpm":
+    if SOLVERS[solver].by_points:
         _draw_points_close_up(axes, run, window)
-    return {"fem": "PF-FEM mesh", "mpm": "PF-MPM grid and points"}[solver]
+    return SOLVERS[solver].shown
 
 
 # ---------------------------------------------------------------- the figure
@@ -433,7 +434,7 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
     case = results.case
     if case is None:
         return None
-    solvers = [s for s in ("fem", "mpm") if any(run.solver == s for run in results.runs.values())] or ["fem"]
+    solvers = [s for s in SOLVERS if any(run.solver == s for run in results.runs.values())] or list(SOLVERS)[:1]
     figure, main, close_ups = _arrange(case, len(solvers))
     window, unit = close_up_window(case), case.units.label("length")
     _draw_main(main, case, window)

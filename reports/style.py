@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY, INK, PALE = "#8a8f98", "#22262b", "#eceef1"
 PUBLISHED_MARKERS = ("o", "s", "^", "D", "v", "P")
-LINE_OF_SOLVER = {"fem": "-", "mpm": "--"}
-NAME_OF_SOLVER = {"fem": "PF-FEM", "mpm": "PF-MPM"}
 PHASE_FIELD_COLOURS = "magma"
 SIGNED_COLOURS = "RdBu_r"
 RASTER_DPI = 200

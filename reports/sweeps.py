@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cases.solvers import SOLVERS
+
 from . import style
 from .results import CaseResults
 from .words import listed, number
@@ -97,7 +99,7 @@ def values_over_sweep(results: CaseResults, folder: Path) -> list[style.Drawing]
         figure = style.Figure(figsize=(6.4, 3.8))
         said = f"{str(metric).replace('_', ' ')}" + ("" if row["unit"].iloc[0] == "1" else f" [{row['unit'].iloc[0]}]")
         axes = style.curve_axes(figure, str(row["swept"].iloc[0]), said)
-        line = style.LINE_OF_SOLVER.get(str(row["solver"].iloc[0]), "-.")
+        line = SOLVERS[str(row["solver"].iloc[0])].line
         axes.plot(row["x"], row["value"], line, marker="o", markersize=4, label="computed")
         axes.plot(row["x"], row["target"], "x", color="black", markersize=6, label="published", zorder=4)
         axes.legend()

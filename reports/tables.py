@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cases import load_case
+from cases.solvers import SOLVERS
+from numerics.status import RunStatus
 from verify.planning.recorded_prices import current_prices
-from verify.runs.run_folder import GOOD_STATUSES
 
-from . import style
 from .words import (
-    STATUS_WORDS,
     against_in_words,
     measured_error,
     metric_in_words,
@@ -82,7 +81,7 @@ def cost_table(results: CaseResults) -> dict[str, Any]:
     """Return ``runs`` (column heads) and ``rows`` of (words, one text per run) of what each run took."""
     runs = results.shown_runs()
     rows: list[tuple[str, list[str]]] = [
-        ("method", [style.NAME_OF_SOLVER.get(r.solver, r.solver) for r in runs])
+        ("method", [SOLVERS[r.solver].title for r in runs])
     ]
     rows += [
         (COUNTER_WORDS.get(key, key.replace("_", " ")), _counts(runs, key)) for key in _keys(runs, "counters")
@@ -136,8 +135,8 @@ def _price_row(results: CaseResults, run: str, saving: str, rows: pd.DataFrame) 
     first = rows.iloc[0]
     ratios = {key: number(first[f"{key}_without"] / first[f"{key}_with"], 3) for key in ("seconds", "work", "unknowns")}
     changes = [_price_in_words(results, row) for _, row in rows.iterrows() if isinstance(row["quantity"], str)]
-    status = str(first["status"])
-    ended = "" if status in GOOD_STATUSES else STATUS_WORDS.get(status, status)
+    status = RunStatus(first["status"])
+    ended = "" if status.good else status.words
     return {"run": run, "saving": saving, **ratios, "changes": "; ".join(changes) or ended}
 
 
@@ -150,17 +149,18 @@ def _price_in_words(results: CaseResults, row: pd.Series) -> str:
 
 def cost_sentence(results: CaseResults) -> str:
     """Return the ratio of MPM to FEM seconds per staggered iteration of the main runs."""
-    runs = {run.solver: run for run in reversed(results.main_runs())}
-    if not {"fem", "mpm"} <= runs.keys():
+    first = {run.solver: run for run in reversed(results.main_runs())}
+    timed = [(run, seconds_per_iteration(run)) for run in (first[name] for name in SOLVERS if name in first)]
+    costs = [(f"{run.name} ({SOLVERS[run.solver].title})", seconds) for run, seconds in timed if seconds]
+    if len(costs) < 2:
         return ""
-    fem, mpm = (seconds_per_iteration(runs[solver]) for solver in ("fem", "mpm"))
-    if not fem or not mpm:
-        return ""
-    return (
-        f"A staggered iteration of {runs['mpm'].name} (PF-MPM) takes {number(mpm / fem, 3)} times as long "
-        f"as one of {runs['fem'].name} (PF-FEM): {number(1000 * mpm, 3)} ms against "
-        f"{number(1000 * fem, 3)} ms."
-    )
+    (reference, base), *others = costs
+    compared = [
+        f"A staggered iteration of {name} takes {number(seconds / base, 3)} times as long as one of {reference}: "
+        f"{number(1000 * seconds, 3)} ms against {number(1000 * base, 3)} ms."
+        for name, seconds in others
+    ]
+    return " ".join(compared)
 
 
 def run_rows(results: CaseResults) -> list[dict[str, Any]]:
@@ -168,9 +168,9 @@ def run_rows(results: CaseResults) -> list[dict[str, Any]]:
     return [
         {
             "name": run.name,
-            "method": style.NAME_OF_SOLVER.get(run.solver, run.solver),
-            "status": STATUS_WORDS.get(run.status, run.status),
-            "good": run.status in GOOD_STATUSES,
+            "method": SOLVERS[run.solver].title,
+            "status": run.status.words,
+            "good": run.status.good,
             "reason": str(run.entry.get("reason") or ("" if run.exists else run.problem)),
             "increments": whole(len(run.history) - 1) if run.exists else "–",
             "seconds": number((run.entry.get("seconds") or {}).get("total"), 3),

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from verify.metrics.metric import MetricError
 from verify.metrics.registry import find_metric
 from verify.metrics.registry import metric_unit as unit_of_metric
-from verify.runs.run_folder import GOOD_STATUSES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -22,15 +21,6 @@ VERDICT_WORDS = {
     "NOT_CHECKED": "Not checked",
     "MISSING": "Missing",
     "INFO": "Shown only",
-}
-STATUS_WORDS = {
-    "complete": "load path completed",
-    "broken_through": "broken through",
-    "expected_failure": "failed, as expected",
-    "no_convergence": "no convergence",
-    "blew_up": "blew up",
-    "failed": "failed",
-    "missing": "no results",
 }
 
 
@@ -145,12 +135,12 @@ def _short(check: Mapping[str, Any]) -> str:
 
 def runs_sentence(runs: Sequence[Any]) -> str:
     """Return how the runs of a case ended, naming those without a usable end."""
-    bad = [run for run in runs if run.status not in GOOD_STATUSES]
+    bad = [run for run in runs if not run.status.good]
     if not runs:
         return "No run is recorded for this case."
     if not bad:
         return f"{'All ' if len(runs) > 1 else ''}{plural(len(runs), 'run')} ended as intended."
-    said = (f"{run.name} ({STATUS_WORDS.get(run.status, run.status)})" for run in bad)
+    said = (f"{run.name} ({run.status.words})" for run in bad)
     return f"{len(bad)} of {plural(len(runs), 'run')} did not end as intended: {listed(said)}."
 
 

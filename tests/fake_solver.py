@@ -12,6 +12,7 @@ from cases import Case
 from numerics.costs import Costs
 from numerics.fields import Fields
 from numerics.quasi_static import Increment
+from numerics.status import RunStatus
 from verify.runs import running
 
 CASE = """
@@ -118,7 +119,7 @@ def fake_increments(solver: FakeSolver, case: Case, after: Increment | None = No
         yield Increment(
             step=step, u=float(u), F=solver.force(u), elastic_energy=0.0, fracture_energy=0.0,
             external_work=0.0, c_min=1.0 - 100 * float(u), staggered=1, newton=1, seconds=0.001 * step,
-            status="converged", share=step / 10,
+            status=RunStatus.COMPLETE, share=step / 10,
         )  # fmt: skip
 
 
@@ -141,6 +142,6 @@ def install(
     monkeypatch: pytest.MonkeyPatch, increments: Any = fake_increments, mpm_factor: float = 1.0
 ) -> None:
     """Let every run use the stand-ins."""
-    monkeypatch.setitem(running.SOLVERS, "fem", FakeSolver)
-    monkeypatch.setitem(running.SOLVERS, "mpm", lambda case: FakeSolver(case, mpm_factor))
+    monkeypatch.setitem(running.DISCRETISATIONS, "fem", FakeSolver)
+    monkeypatch.setitem(running.DISCRETISATIONS, "mpm", lambda case: FakeSolver(case, mpm_factor))
     monkeypatch.setattr(running, "solver_records", increments)

@@ -19,6 +19,7 @@ from cases import load_case
 from numerics.costs import Costs
 from numerics.fields import Fields
 from numerics.quasi_static import Increment
+from numerics.status import RunStatus
 from verify.runs.run_folder import RunWriter, run_path
 
 PEAK, BROKEN, END = 0.0056, 0.0060, 0.0064
@@ -178,7 +179,7 @@ def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict
                 staggered=4,
                 newton=8,
                 seconds=0.01,
-                status="converged",
+                status=RunStatus.COMPLETE,
                 reason="",
             )
             writer.record(increment, _solver(cells, state))

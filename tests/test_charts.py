@@ -44,7 +44,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
     fake_solver.install(monkeypatch)
     for solver, factor in (("fem", 1.0), ("mpm", 2.0)):
         monkeypatch.setitem(
-            running.SOLVERS,
+            running.DISCRETISATIONS,
             solver,
             lambda case, factor=factor: fake_solver.FakeSolver(case, 1.0 + factor * case.mesh.h**2),
         )

@@ -40,7 +40,7 @@ def use_stand_ins(pause: float = 0.0) -> None:
             time.sleep(pause)
             yield increment
 
-    running.SOLVERS.update(fem=fake_solver.FakeSolver, mpm=fake_solver.FakeSolver)
+    running.DISCRETISATIONS.update(fem=fake_solver.FakeSolver, mpm=fake_solver.FakeSolver)
     running.solver_records = slow
     RunWriter.checkpoint_interval, RunWriter.largest_share = 0.0, 1.0
 

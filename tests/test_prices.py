@@ -61,7 +61,7 @@ def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         whole = case.mesh.fine.lower == (0.0, 0.0)
         return fake_solver.FakeSolver(case, 1.0 if whole else 1.02)
 
-    monkeypatch.setitem(running.SOLVERS, "fem", solver)
+    monkeypatch.setitem(running.DISCRETISATIONS, "fem", solver)
     path = fake_solver.write_case(tmp_path / "square", CHECK)
     path.write_text(path.read_text().replace("\n[mesh]\nh = 0.25\n", GRADED))
     return path
@@ -171,7 +171,7 @@ def test_a_run_follows_the_plan(
 
 def test_a_damaged_price_file_is_told(case_file: Path) -> None:
     (case_file.parent / PRICES_FILE).write_text("tier,run\n")
-    with pytest.raises(StudyError, match="restore it or delete it"):
+    with pytest.raises(PricesError, match="restore it or delete it"):
         plan(load_case(case_file, "quick", "fem"), "fem", 0.01)
 
 

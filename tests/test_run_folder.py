@@ -132,7 +132,7 @@ from cases import load_case
 from reports.words import runs_sentence
 from verify.runs import running
 from verify.runs import run_folder
-running.SOLVERS["fem"] = fake_solver.FakeSolver
+running.DISCRETISATIONS["fem"] = fake_solver.FakeSolver
 def increments(solver, case):
     for increment in fake_solver.fake_increments(solver, case):
         yield increment

@@ -38,7 +38,8 @@ def write_map(folder: Path, **replaced: str) -> Path:
 def first_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """F (1 + h / 10): 1 % off at h = 0.1, 2.5 % at h = 0.25."""
     fake_solver.install(monkeypatch)
-    monkeypatch.setitem(running.SOLVERS, "fem", lambda case: fake_solver.FakeSolver(case, 1.0 + 0.1 * case.mesh.h))
+    fake = lambda case: fake_solver.FakeSolver(case, 1.0 + 0.1 * case.mesh.h)  # noqa: E731
+    monkeypatch.setitem(running.DISCRETISATIONS, "fem", fake)
 
 
 def read(file: Path) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
+from numerics.status import RunStatus
 from verify.judging.judge import accept, checks_of, find_runs
 from verify.judging.summary import (
     check_name,
@@ -327,7 +328,7 @@ def compare(case: OptionalCase = None, tier: TierOption = "standard", out: OutOp
 
 
 def _has_runs(case: Case, out: Path) -> bool:
-    return any(state.status != "missing" for state in find_runs(case, out).values())
+    return any(state.status != RunStatus.MISSING for state in find_runs(case, out).values())
 
 
 def _print_problems(console: Console, summary: dict[str, Any]) -> None:
@@ -504,7 +505,7 @@ def _price_table(prices: pd.DataFrame) -> Table:
 @app.command()
 def calibrate(
     out: OutOption = DEFAULT_OUT,
-    write: Annotated[bool, typer.Option("--write", help="keep constants and runs in verify/planning/costs.toml and .csv")] = False,
+    write: Annotated[bool, typer.Option("--write", help="keep constants and runs in verify/planning/costs.*")] = False,
 ) -> None:
     """Fit the constants of predicted costs to all finished runs of a folder, and tell how far predictions are off.
 

@@ -11,6 +11,8 @@ import argparse
 import os
 from pathlib import Path
 
+from cases.solvers import SOLVERS
+
 SIZES = (57, 100, 180, 320, 577)
 WHOLE = {"lower": [0.0, 0.0], "upper": [1.0, 1.0]}
 LOAD = {"path": [0.0, 0.0055], "increment": 0.0011, "adaptive": False, "smallest": 0.0011}
@@ -56,10 +58,10 @@ def draw(table: "pd.DataFrame", folder: Path) -> None:
     axes.set(xscale="log", yscale="log")
     for colour, (solver, part) in zip(style.OKABE_ITO, table.groupby("solver"), strict=False):
         exponent, constant = np.polyfit(np.log(part["unknowns"]), np.log(part["seconds_per_iteration"]), 1)
-        label = f"{style.NAME_OF_SOLVER[solver]}: exponent {exponent:.2f}"
+        label = f"{SOLVERS[solver].title}: exponent {exponent:.2f}"
         axes.plot(part["unknowns"], part["seconds_per_iteration"], "o", color=colour, label=label)
         fitted = np.exp(constant) * part["unknowns"] ** exponent
-        axes.plot(part["unknowns"], fitted, style.LINE_OF_SOLVER[solver], color=colour)
+        axes.plot(part["unknowns"], fitted, SOLVERS[solver].line, color=colour)
         print(label)
     axes.legend()
     style.save(figure, folder, "growth")

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cases import Case, Check, load_case
+from numerics.status import RunStatus
 from verify.judging.targets import JudgeError, require_sense, target_of, value_of
 from verify.metrics.curves import CurveError
 from verify.metrics.registry import metric_unit
 from verify.runs.atomic import write_text
 from verify.runs.provenance import code_version
-from verify.runs.run_folder import GOOD_STATUSES, RunFolder, RunFolderError, as_expected, partial_folder, run_path
+from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, partial_folder, run_path
 
 CheckVerdict = Literal["PASS", "FAIL", "MISSING", "INFO"]
 CaseVerdictName = Literal["PASS", "FAIL", "RUN_FAILED", "NOT_CHECKED", "MISSING"]
@@ -28,19 +29,19 @@ BASELINE_FILE = "baseline.csv"
 class RunState:
     """A run of a case as judging finds it.
 
-    status : of run.json, or "missing", "unfinished", "damaged" or "changed" (the case file changed since).
+    status : of run.json, or why there is no such folder that fits the case file.
     run : the folder, present when the run ended well and belongs to the case as it stands.
     """
 
     folder: Path
-    status: str
+    status: RunStatus
     reason: str
     run: RunFolder | None = None
 
     @property
     def failed(self) -> bool:
         """True when the solver ran and did not come to a good end."""
-        return self.status in ("no_convergence", "blew_up", "failed")
+        return self.status.failed
 
 
 @dataclass(frozen=True)
@@ -93,16 +94,16 @@ def find_run(case: Case, run_name: str, out: Path) -> RunState:
     """The state of one run of a case under the output folder."""
     folder = run_path(out, case.name, case.tier, run_name)
     if not folder.exists() and not partial_folder(folder).exists():
-        return RunState(folder, "missing", "not computed yet")
+        return RunState(folder, RunStatus.MISSING, "not computed yet")
     try:
         found = RunFolder(folder)
     except RunFolderError as error:
-        status = "damaged" if folder.exists() else "unfinished"
+        status = RunStatus.DAMAGED if folder.exists() else RunStatus.UNFINISHED
         return RunState(folder, status, str(error))
     if found.info["case_hash"] != load_case(case.source, case.tier, run_name).hash():
-        return RunState(folder, "changed", "computed for another version of the case file; run it again")
+        return RunState(folder, RunStatus.CHANGED, "computed for another version of the case file; run it again")
     status = as_expected(found.info["status"], case, run_name)
-    return RunState(folder, status, found.info["reason"], found if status in GOOD_STATUSES else None)
+    return RunState(folder, status, found.info["reason"], found if status.good else None)
 
 
 def find_runs(case: Case, out: Path) -> dict[str, RunState]:

@@ -15,6 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from cases import Case, load_case
+from numerics.status import RunStatus
 from verify.judging.judge import CaseVerdict, CheckResult, RunState, judge_case
 from verify.judging.targets import reference_curve
 from verify.metrics.crack_path import hausdorff, mean_distance
@@ -239,8 +240,8 @@ def check_sentence(check: Json) -> str:
 
 def failed_runs(case: Json) -> list[str]:
     """One sentence for each run that the solver did not bring to a good end."""
-    failed = ("no_convergence", "blew_up", "failed")
-    return [f"{n}: {r['status']}: {r['reason']}" for n, r in case["runs"].items() if r["status"] in failed]
+    runs = case["runs"].items()
+    return [f"{n}: {r['status']}: {r['reason']}" for n, r in runs if RunStatus(r["status"]).failed]
 
 
 def junit_xml(summary: Json) -> str:
@@ -263,9 +264,10 @@ def junit_xml(summary: Json) -> str:
 def _junit_run(suite: ElementTree.Element, case: Json, name: str, entry: Json) -> None:
     seconds = str(entry["seconds"].get("total", 0.0))
     test = ElementTree.SubElement(suite, "testcase", classname=case["case"], name=f"run {name}", time=seconds)
-    if entry["status"] in ("no_convergence", "blew_up", "failed", "damaged"):
+    status = RunStatus(entry["status"])
+    if status.failed or status == RunStatus.DAMAGED:
         ElementTree.SubElement(test, "error", message=f"{entry['status']}: {entry['reason']}")
-    elif entry["status"] in ("missing", "unfinished", "changed"):
+    elif not status.good:
         ElementTree.SubElement(test, "skipped", message=f"{entry['status']}: {entry['reason']}")
 
 

@@ -1,1 +1,1 @@
-"""Scalars of finished runs: curves, crack paths, cracks that run, bodies that move; nothing here reads or writes files."""
+"""Scalars of finished runs: curves, crack paths, cracks that run, bodies that move; no files."""

@@ -14,6 +14,7 @@ import pandas as pd
 from scipy.optimize import least_squares, nnls
 
 from cases import Case, CaseError
+from numerics.status import RunStatus
 from verify.planning.sizes import Size, fourth_order, size_of
 from verify.runs.atomic import write_text
 from verify.runs.run_folder import RunFolder, RunFolderError
@@ -178,7 +179,7 @@ def measured_runs(out: Path) -> pd.DataFrame:
             case = run.case
         except (RunFolderError, CaseError):
             continue
-        planned = run.good and run.info["status"] != "expected_failure"
+        planned = run.good and run.info["status"] != RunStatus.EXPECTED_FAILURE
         if planned and case.hash() == run.info["case_hash"] and "processor" in run.info["seconds"]:
             rows.append(_measured(run, case))
     return pd.DataFrame(rows, columns=list(MEASURED))

@@ -21,8 +21,8 @@ from verify.runs.atomic import WriteError
 from verify.runs.cluster import LostTask, results
 from verify.runs.progress import progress_view
 from verify.runs.provenance import source_hash
-from verify.runs.run_folder import STATUSES, RunFolder, case_folder
-from verify.runs.running import REPEATABLE_STATUSES, run, up_to_date
+from verify.runs.run_folder import RunFolder, case_folder
+from verify.runs.running import run, up_to_date
 
 
 class OutOfTimeError(Exception):
@@ -66,8 +66,7 @@ class Job:
     def finished(self) -> RunFolder | None:
         """The run where it need not be done again."""
         case = self.case()
-        statuses = REPEATABLE_STATUSES if self.timeout is None else STATUSES
-        done = up_to_date(case, case_folder(self.out, case, self.run), statuses)
+        done = up_to_date(case, case_folder(self.out, case, self.run), failures_too=self.timeout is not None)
         return None if done is not None and self._has_more_time_than(done) else done
 
     def _has_more_time_than(self, done: RunFolder) -> bool:
@@ -194,7 +193,7 @@ def _outcome(job: Job, done: RunFolder, was_up_to_date: bool) -> Outcome:
     state = "up to date" if was_up_to_date else f"{info['seconds'].get('total', 0.0):.1f} s"
     if not was_up_to_date and info.get("resumed_after_step") is not None:
         state += f", resumed after step {info['resumed_after_step']}"
-    line = f"{info['status'].replace('_', ' ')} ({state}), {done.folder}"
+    line = f"{info['status'].words} ({state}), {done.folder}"
     if done.good:
         return Outcome(job.title, line, False)
     kept = "what came before is saved there" if info["increments"] else "there is no good state"

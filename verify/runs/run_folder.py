@@ -30,6 +30,7 @@ import pandas as pd
 import psutil
 
 from cases.errors import UserError
+from numerics.status import FINISHED_STATUSES, RunStatus
 from verify.runs.atomic import WriteError, replace_folder, restore_folder, write_file, write_table, write_text, writing
 
 if TYPE_CHECKING:
@@ -55,8 +56,6 @@ REQUIRED_INFO = (
     "code_version",
     "increments",
 )
-GOOD_STATUSES = ("complete", "broken_through", "expected_failure")
-STATUSES = (*GOOD_STATUSES, "no_convergence", "blew_up", "failed")
 
 __all__ = [
     "RunFolder", "RunFolderError", "RunWriter", "Snapshot", "WriteError", "case_folder", "partial_folder", "run_path",
@@ -123,6 +122,7 @@ def _record(kind: str, values: dict[str, Any]) -> "Record":
     from numerics.explicit import Balance, Instant
     from numerics.quasi_static import Increment
 
+    values["status"] = RunStatus(values["status"])
     if kind == "Increment":
         return Increment(**values)
     balance = values["balance"]
@@ -151,13 +151,14 @@ def partial_folder(folder: Path) -> Path:
     return folder.with_name(folder.name + ".partial")
 
 
-def as_expected(status: str, case: "Case", run_name: str) -> str:
+def as_expected(status: RunStatus, case: "Case", run_name: str) -> RunStatus:
     """The status of a run that failed in the light of what the case expects of it."""
-    if status not in ("no_convergence", "blew_up", "expected_failure"):
+    failure = RunStatus.BLEW_UP if case.dynamics else RunStatus.NO_CONVERGENCE
+    if status not in (RunStatus.NO_CONVERGENCE, RunStatus.BLEW_UP, RunStatus.EXPECTED_FAILURE):
         return status
     if case.run_spec(run_name).expect_failure:
-        return "expected_failure"
-    return ("blew_up" if case.dynamics else "no_convergence") if status == "expected_failure" else status
+        return RunStatus.EXPECTED_FAILURE
+    return failure if status == RunStatus.EXPECTED_FAILURE else status
 
 
 # ---------------------------------------------------------------------------------------------- writing
@@ -410,9 +411,9 @@ class RunFolder:
         )
         if missing:
             raise self._damaged("run.json", f"lacks {', '.join(missing)}")
-        if info["status"] not in STATUSES:
+        if info["status"] not in FINISHED_STATUSES:
             raise self._damaged("run.json", f"has the unknown status {info['status']!r}")
-        return info
+        return info | {"status": RunStatus(info["status"])}
 
     def _table(self, file: str, columns: tuple[str, ...]) -> pd.DataFrame:
         try:
@@ -428,7 +429,7 @@ class RunFolder:
     @property
     def good(self) -> bool:
         """True when the run went to its end, broke the specimen through, or failed as the case expects."""
-        return self.info["status"] in GOOD_STATUSES
+        return self.info["status"].good
 
     @functools.cached_property
     def history(self) -> pd.DataFrame:

@@ -7,6 +7,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,9 @@ import numpy as np
 
 from cases import Case, CaseError, load_case
 from cases.errors import UserError
+from cases.solvers import SOLVERS, Solver
 from numerics.costs import Costs
+from numerics.status import RunStatus
 from verify.runs.frames import FrameWriter
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.runs.run_folder import (
@@ -34,8 +37,6 @@ if TYPE_CHECKING:
 
 DEFAULT_OUT = Path("reports/out")
 DEFAULT_THREADS = min(2, os.cpu_count() or 1)
-# A run that ended so would end so again. A failed one may have met a full disk or a bug since mended.
-REPEATABLE_STATUSES = ("complete", "broken_through", "expected_failure", "no_convergence", "blew_up")
 
 Listener = Callable[["Record"], None]
 
@@ -46,27 +47,21 @@ class InterruptedRunError(UserError):
     exit_code = 2
 
 
-def _finite_elements(case: Case) -> Discretisation:
-    from fem_reference import ExplicitFiniteElements, FiniteElements
+def _builder(solver: Solver) -> Callable[[Case], Discretisation]:
+    """What makes a solver's discretisation of a case, or one whose fine cells follow the crack."""
 
-    return ExplicitFiniteElements(case) if case.dynamics else _following(FiniteElements, case)
+    def build(case: Case) -> Discretisation:
+        from numerics.refinement import FollowingDiscretisation
 
+        module, _, name = (solver.dynamic if case.dynamics else solver.quasi_static).partition(":")
+        made_by = getattr(import_module(module), name)
+        return FollowingDiscretisation(made_by, case) if case.mesh.follow_crack else made_by(case)
 
-def _material_points(case: Case) -> Discretisation:
-    from mpm import ExplicitMaterialPoints, MaterialPoints
-
-    return ExplicitMaterialPoints(case) if case.dynamics else _following(MaterialPoints, case)
-
-
-def _following(solver: Any, case: Case) -> Discretisation:
-    """The solver, or one whose fine cells follow the crack."""
-    from numerics.refinement import FollowingDiscretisation
-
-    return FollowingDiscretisation(solver, case) if case.mesh.follow_crack else solver(case)
+    return build
 
 
-#: what ``solver`` in a case's run stands for; a further solver is one more entry
-SOLVERS: dict[str, Callable[[Case], Discretisation]] = {"fem": _finite_elements, "mpm": _material_points}
+#: name of a solver -> what makes its discretisation of a case
+DISCRETISATIONS = {name: _builder(solver) for name, solver in SOLVERS.items()}
 
 
 def solver_records(discretisation: Any, case: Case, after: Any = None) -> "Iterator[Record]":
@@ -93,9 +88,12 @@ def case_for_run(case: Case | str | Path, run_name: str, tier: str | None = None
 
 
 def up_to_date(
-    case: Case, folder: Path, statuses: tuple[str, ...] = REPEATABLE_STATUSES
+    case: Case, folder: Path, failures_too: bool = False
 ) -> RunFolder | None:
-    """The finished run in ``folder`` when the same case and the same code would give it again."""
+    """The finished run in ``folder`` when the same case and the same code would give it again.
+
+    failures_too : a failure that might not come again counts as well
+    """
     try:
         finished = RunFolder(folder)
     except RunFolderError:
@@ -103,7 +101,7 @@ def up_to_date(
     if finished.info["status"] != as_expected(finished.info["status"], case, finished.info["run"]):
         return None
     same = finished.info["case_hash"] == case.hash() and finished.info.get("source_hash") == source_hash()
-    return finished if same and finished.info["status"] in statuses else None
+    return finished if same and (failures_too or finished.info["status"].repeatable) else None
 
 
 def unfinished(case: Case, folder: Path) -> Checkpoint | None:
@@ -194,7 +192,8 @@ class _Attempt:
         self.case, self.run_name, self.writer, self.listener = case, run_name, writer, listener
         self.after = after
         self.discretisation: Discretisation | None = None
-        self.status, self.reason = "complete", ""
+        self.status: RunStatus = RunStatus.COMPLETE
+        self.reason = ""
         self.seconds: dict[str, float] = {}
         self.measures: dict[str, float] = {}
         self.crack_path = np.empty((0, 2))
@@ -206,19 +205,19 @@ class _Attempt:
         started, processor = time.perf_counter(), time.process_time()
         try:
             with compilation() as compiled:
-                self.discretisation = SOLVERS[self.case.run_spec(self.run_name).solver](self.case)
+                self.discretisation = DISCRETISATIONS[self.case.run_spec(self.run_name).solver](self.case)
             self.seconds["set_up"] = time.perf_counter() - started - compiled.wall
             processor = time.process_time() - processor - compiled.processor
             self._warm_up(self.discretisation, compiled.wall)
             self.discretisation.costs.seconds["processor"] = processor
             self._take_up(self.discretisation)
             self._march(self.discretisation)
-            if self.status != "blew_up":  # it has left the last good state behind
+            if self.status != RunStatus.BLEW_UP:  # it has left the last good state behind
                 self._look_at_last_state(self.discretisation)
         except (WriteError, CaseError):
             raise
         except Exception as error:
-            self.status, self.reason = "failed", _one_line(error)
+            self.status, self.reason = RunStatus.FAILED, _one_line(error)
             with suppress(
                 OSError
             ):  # the trace is for whoever mends the solver; the reason is enough for the user

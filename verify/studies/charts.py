@@ -19,6 +19,7 @@ import pandas as pd
 from cases import Case, Check
 from cases.judging import merge
 from cases.studies import Chart, Quantity, Varied, coordinates
+from numerics.status import RunStatus
 from verify.judging.targets import target_of, value_of
 from verify.metrics.registry import PAIR_METRICS, find_metric, fitted_order
 from verify.runs.atomic import write_table
@@ -246,7 +247,7 @@ class ChartStudy:
         run = self._run(level)
         row: dict[str, Any] = dict.fromkeys(COLUMNS, math.nan)
         row |= {"ladder": ladder, "solver": self.case.run_spec(level.run).solver, "level": text_of(level.at)}
-        row |= {"at": level.at, "quantity": quantity.metric, "status": run.info["status"] if run else "failed"}
+        row |= {"at": level.at, "quantity": quantity.metric, "status": run.info["status"] if run else RunStatus.FAILED}
         if run is None:
             return row
         seconds = times.of(run)

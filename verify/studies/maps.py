@@ -21,6 +21,7 @@ from scipy.stats import linregress
 from cases import Case, CaseError
 from cases.judging import merge, nest
 from cases.studies import REACHED, RUN, Judged, Map, coordinates, level_changes
+from numerics.status import RunStatus
 from verify.judging.judge import error_of
 from verify.judging.targets import target_of
 from verify.metrics.registry import METRICS, find_metric
@@ -59,7 +60,8 @@ from verify.studies.verdicts import (
 WHOLE = 0.9
 #: how a run that did not end well is called on a map; a solver's further statuses are one more entry each
 VERDICTS = {
-    "no_convergence": NO_CONVERGENCE, "expected_failure": NO_CONVERGENCE, "blew_up": BLEW_UP, "failed": BLEW_UP,
+    RunStatus.NO_CONVERGENCE: NO_CONVERGENCE, RunStatus.EXPECTED_FAILURE: NO_CONVERGENCE,
+    RunStatus.BLEW_UP: BLEW_UP, RunStatus.FAILED: BLEW_UP,
 }  # fmt: skip
 POWER_COLUMNS = ("y", "levels", "least", "largest", "power", "uncertainty")
 BORDER_COLUMNS = ("y", "below", "above", "verdict_below", "verdict_above", "measured", "border", "theory")

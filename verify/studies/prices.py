@@ -16,6 +16,7 @@ from typing import Any
 import pandas as pd
 
 from cases import Case, load_case
+from numerics.status import RunStatus
 from verify.metrics.metric import Metric
 from verify.metrics.registry import METRICS, PAIR_METRICS, find_metric, metric_unit
 from verify.planning.recorded_prices import PRICE_COLUMNS, PRICES_FILE, read_prices
@@ -152,7 +153,7 @@ class _Priced:
         told["case_hash"] = usual.info["case_hash"]
         told |= _costs(usual, "with")
         if run is None or not run.good:
-            return [told | {"status": run.info["status"] if run else "failed"}]
+            return [told | {"status": run.info["status"] if run else RunStatus.FAILED}]
         told |= _costs(run, "without")
         told["status"] = run.info["status"]
         return [told | self._told(quantity) | quantity.change(usual, run) for quantity in self._quantities()]

@@ -1,0 +1,63 @@
+"""The solvers that a run can name: the one list, from which schema, runs, plans, colours and words follow.
+
+A further solver is a package of its own and one more entry here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import AfterValidator, WithJsonSchema
+
+from cases.errors import BrokenRuleError
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A method that solves cases.
+
+    Attributes
+    ----------
+    name : in case files
+    title : in figures and tables
+    shown : what a close-up of its discretisation shows
+    line : style of its curves, as matplotlib has it
+    quasi_static, dynamic : "module:attribute" of the class that takes a case; imported on use
+    describe : "module:attribute" of the function from a case to its ``numerics.description.Description``
+    by_points : its state is seen at points that move over a grid, not on a mesh
+    """
+
+    name: str
+    title: str
+    shown: str
+    line: str
+    quasi_static: str
+    dynamic: str
+    describe: str
+    by_points: bool = False
+
+
+#: in the order in which they are shown; the first one is the reference
+SOLVERS: dict[str, Solver] = {
+    solver.name: solver
+    for solver in (
+        Solver(
+            "fem", "PF-FEM", "PF-FEM mesh", "-",
+            "fem_reference:FiniteElements", "fem_reference:ExplicitFiniteElements", "fem_reference:describe",
+        ),
+        Solver(
+            "mpm", "PF-MPM", "PF-MPM grid and points", "--",
+            "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", by_points=True,
+        ),
+    )
+}  # fmt: skip
+
+
+def _known(name: str) -> str:
+    if name not in SOLVERS:
+        raise BrokenRuleError("is not a solver", f"give one of {', '.join(SOLVERS)}", value=name)
+    return name
+
+
+SolverName = Annotated[str, AfterValidator(_known), WithJsonSchema({"type": "string", "enum": list(SOLVERS)})]
