@@ -19,6 +19,7 @@ from verify.planning.plan import plan
 from verify.planning.recorded_prices import (
     PRICE_COLUMNS,
     PRICES_FILE,
+    PricesError,
     chosen_savings,
     costs_of_savings,
     read_prices,
