@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
 from cases.solvers import SOLVERS
-from fem_reference.quality import scaled_jacobian
+from numerics.element_quality import scaled_jacobian
 
 from . import style
 from .curves import run_label

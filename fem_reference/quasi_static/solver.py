@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from cases import Case
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
-from fem_reference.quality import scaled_jacobian
 from fem_reference.quasi_static import kernels
 from fem_reference.smooth_basis import SmoothBasis
 from numerics.costs import Costs
+from numerics.element_quality import scaled_jacobian
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.linear_solvers import lift_empty_diagonal, linear_solver

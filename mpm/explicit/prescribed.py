@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.boundaries import BoundarySet
-from cases.dynamics import Traction
+from cases.loading import Traction
 from mpm.explicit.kernels import spline_values
 from mpm.explicit.moving_body import MovingBody
 from mpm.grid import GridError

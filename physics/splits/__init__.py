@@ -1,7 +1,7 @@
 """Splits of the elastic energy into a part that drives fracture and one that does not (thesis 2.6.3), one law a file.
 
-A file NAME.py makes the split NAME: cases may name it and all kernels run it. It holds one function, which numba puts into
-the kernels,
+A file NAME.py makes the split NAME: cases may name it and all kernels run it. It holds one function, which numba puts
+into the kernels,
 
     @njit(cache=True, inline="always")
     def response(g, exx, eyy, gxy, lam, mu): ...  # -> PointResponse

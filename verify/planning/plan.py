@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cases import Case, load_case
+from cases.bodies import Body
 from cases.judging import merge
-from cases.schema import Body
 from verify.planning.calibration import cost_of
 from verify.planning.recorded_prices import chosen_savings, costs_of_savings
 from verify.planning.savings import Saving, all_off, savings

@@ -56,10 +56,7 @@ def has_triangles(case: Case, solver: str) -> bool:
 def filled_cells(case: Case, x_lines: np.ndarray, y_lines: np.ndarray) -> np.ndarray:
     """(n_x, n_y) bool: cells whose centre is in a body and not in a notch of left-out cells."""
     centres = _centres(x_lines, y_lines)
-    filled = np.asarray(case.inside(centres)) >= 0
-    for notch in case.notches:
-        if notch.kind == "cells":
-            filled &= ~_within(centres, np.asarray(notch.start), np.asarray(notch.end), notch.width)
+    filled = (case.inside(centres) >= 0) & ~case.left_out(centres)
     return filled.reshape(len(x_lines) - 1, len(y_lines) - 1)
 
 
@@ -67,16 +64,6 @@ def _centres(x_lines: np.ndarray, y_lines: np.ndarray) -> np.ndarray:
     """(n_x n_y, 2): centres of all cells."""
     x, y = (0.5 * (lines[1:] + lines[:-1]) for lines in (x_lines, y_lines))
     return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
-def _within(points: np.ndarray, start: np.ndarray, end: np.ndarray, width: float) -> np.ndarray:
-    """Points of the rectangle of ``width`` along the segment from ``start`` to ``end``."""
-    length = float(np.linalg.norm(end - start))
-    along_direction = (end - start) / length
-    offset = points - start
-    along = offset @ along_direction
-    across = offset @ np.array([-along_direction[1], along_direction[0]])
-    return (along > 0) & (along < length) & (np.abs(across) < 0.5 * width)
 
 
 def _active_functions(filled: np.ndarray, order: int) -> np.ndarray:
