@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from cases import Case, case_from_tables
+from cases import Case, CaseError, case_from_tables
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 PLATE: dict[str, Any] = {
@@ -65,3 +65,31 @@ def test_every_slit_is_open_in_both_solvers(notches):
 def test_two_notches_on_one_line_have_the_stiffness_of_a_fine_mesh():
     notches = [slit(0.0, 0.5), slit(1.5, 2.0)]
     assert force(plate("mpm", notches=notches), "mpm") == pytest.approx(0.2736, rel=0.02)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize("place", [{"point": [0.03, -1.0]}, {"box": {"lower": [2.5, 0.3], "upper": [2.6, 0.45]}}])
+def test_a_constraint_that_holds_nothing_is_refused(solver, place):
+    constraints = [*PLATE["constraints"], {"on": "nowhere", "direction": "x", "value": 0}]
+    case = plate(solver, boundaries={**PLATE["boundaries"], "nowhere": place}, constraints=constraints)
+    with pytest.raises(CaseError, match="nowhere"):
+        DISCRETISATIONS[solver](case)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_constraints_that_contradict_each_other_in_a_corner_are_refused(solver):
+    constraints = [
+        {"on": "left", "direction": "y", "value": 0},
+        {"on": "left", "direction": "x", "value": 0},
+        {"on": "top", "direction": "y", "scale": 1},
+    ]
+    for order in (constraints, constraints[::-1]):
+        with pytest.raises(CaseError, match="contradict each other"):
+            DISCRETISATIONS[solver](plate(solver, constraints=order))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_constraints_may_meet_where_they_ask_the_same(solver):
+    bottom, _, top = PLATE["constraints"]
+    held = [{"on": edge, "direction": "x", "value": 0} for edge in ("left", "top")]
+    assert force(plate(solver, constraints=[bottom, *held, top]), solver) > 0.0

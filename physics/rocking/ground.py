@@ -51,7 +51,8 @@ def pulse(shape: str, amplitude: float, circular_frequency: float) -> GroundMoti
 def record(times: ArrayLike, accelerations: ArrayLike) -> GroundMotion:
     """A measured motion: accelerations (n,) [m/s²] at increasing times (n,) [s], counted from the first of them."""
     samples = np.asarray(times, dtype=float)
-    return GroundMotion(RECORD, 1.0, float(samples[-1] - samples[0]), samples - samples[0], np.asarray(accelerations, float))
+    samples = samples - samples[0]
+    return GroundMotion(RECORD, 1.0, float(samples[-1]), samples, np.asarray(accelerations, dtype=float))
 
 
 def cut(motion: GroundMotion, start: float, end: float | None = None) -> GroundMotion:
