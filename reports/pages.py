@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import StrictUndefined, TemplateError
+from jinja2 import StrictUndefined, TemplateError, Undefined
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from cases import Case, UserError, load_case
@@ -170,6 +170,8 @@ class _Environment(ImmutableSandboxedEnvironment):
 
     def getitem(self, obj: Any, argument: Any) -> Any:
         """The entry of a table or a list; StrictUndefined, which names those that there are, without it."""
+        if isinstance(obj, Undefined):  # what is missing is said of the first name
+            return obj
         if isinstance(obj, Mapping):
             known = ", ".join(map(str, obj)) or "nothing"
             return obj[argument] if argument in obj else self.undefined(hint=f"{argument!r} is none of: {known}")
@@ -177,7 +179,9 @@ class _Environment(ImmutableSandboxedEnvironment):
             return obj[argument]
         return self.undefined(hint=f"{argument!r} cannot be taken from {type(obj).__name__}")
 
-    getattr = getitem
+    def getattr(self, obj: Any, attribute: str) -> Any:
+        """The entry of that name; no attribute is looked for."""
+        return self.getitem(obj, attribute)
 
 
 def _digits(value: float, digits: int) -> Quantity:

@@ -4,6 +4,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from cases import list_cases, load_case
 from cases.loader import LIBRARY
 from reports.pages import PageError, Quantity, fill_marked, fill_page, read_measured
+from reports.report import readme_html
 
 ROOT = Path(__file__).parents[1]
 PARTS = ["What it shows", "What was chosen and why", "What comes out", "What is open"]
@@ -26,8 +28,6 @@ ELSEWHERE = (
 )
 # Words of the configuration of a case and of published statements; no result of ours among them.
 PROSE = ("title", "section", "requirement", "reason")
-# Numbers that are no results and stand in no table of the case, each with why.
-ALLOWED: dict[str, set[str]] = {}
 
 
 def without_places(page: str) -> str:
@@ -53,13 +53,15 @@ def numbers_of(entry: Any) -> Iterator[float]:
 
 def typed_numbers(page: str, name: str) -> list[str]:
     """Numbers on a page that stand neither in its case file nor in one of its references."""
-    known = set(numbers_of(tomllib.loads((LIBRARY / name / "case.toml").read_text("utf-8"))))
+    tables = tomllib.loads((LIBRARY / name / "case.toml").read_text("utf-8"))
+    known = {0.0, *numbers_of(tables)}
+    scale = {"%": 1e-2} | ({"mm": 1e-3} if tables["units"]["length"] == "m" else {})
     typed = []
-    for found in re.finditer(rf"(?<![\w.])({NUMBER})(\s*%)?", without_places(page)):
-        value = abs(float(found[1].replace(",", ""))) / (100.0 if found[2] else 1.0)
-        if not any(abs(value - number) <= 1e-12 * number for number in known | {0.0}):
+    for found in re.finditer(rf"(?<![\w.])({NUMBER})(?:\s*(%|mm\b))?", without_places(page)):
+        value = abs(float(found[1].replace(",", ""))) * scale.get(found[2], 1.0)
+        if not any(abs(value - number) <= 1e-12 * number for number in known):
             typed.append(found[0])
-    return [text for text in typed if text not in ALLOWED.get(name, set())]
+    return typed
 
 
 def page_of(name: str) -> str:
@@ -116,8 +118,9 @@ STUDY = '[study]\nhow = "a run"\ndate = 2026-01-01\n'
 
 
 def test_numbers_appear_as_recorded_or_as_the_page_asks(tmp_path):
-    page = "{{ measured.study.peak.fem | unit }} {{ measured.study.peak.fem | digits(2) | unit }} {{ measured.study.error[1] }}"
-    page += " {{ (measured.study.peak.mpm / measured.study.peak.fem - 1) | percent(2) }} {{ case.quick.mesh.h > 0 }}"
+    page = "{% set peak = measured.study.peak %}"
+    page += "{{ peak.fem | unit }} {{ peak.fem | digits(2) | unit }} {{ measured.study.error[1] }}"
+    page += " {{ (peak.mpm / peak.fem - 1) | percent(2) }} {{ case.quick.mesh.h > 0 }}"
     measured = STUDY + 'peak.fem = "0.620 kN"\npeak.mpm = "0.651 kN"\nerror = ["-7e-8", "+1.50 %"]\n'
     assert fill_page(write_page(tmp_path, page, measured)) == "0.620 kN 0.62 kN +1.50 5.0 % True"
 
@@ -143,8 +146,18 @@ def test_a_placeholder_without_a_value_is_an_error_in_one_sentence(tmp_path, pag
         fill_page(write_page(tmp_path, page, measured))
 
 
+def test_the_report_shows_the_parts_of_a_page_below_its_own_heading(tmp_path):
+    page = "# Title\n\n## What it shows\n\nA peak of {{ measured.study.peak | unit }} <b>.\n"
+    case = write_page(tmp_path, page, STUDY + 'peak = "0.62 kN"\n')
+    html = readme_html(SimpleNamespace(case=case))
+    assert html == "<h3>What it shows</h3>\n<p>A peak of 0.62 kN &lt;b&gt;.</p>\n"
+    (tmp_path / "measured.toml").unlink()
+    assert "'study' is none of: nothing" in readme_html(SimpleNamespace(case=case)).unescape()
+
+
 def test_times_and_ratios_of_the_readme_are_those_of_the_record():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert fill_marked(readme, read_measured(ROOT / "docs" / "measured.toml")) == readme, "make readme"
+    readme = readme.replace("5 %, 1 % and 0.2 %", "")  # the accuracies that a chart answers for
     elsewhere = re.sub(r"<!--[\w.]+-->.*?<!--/-->|`[^`]*`", " ", re.sub(r"```.*?```", " ", readme, flags=re.DOTALL))
     assert re.findall(r"\d\s*(?:%|times|minutes|seconds|hours|s\b)", elsewhere) == []
