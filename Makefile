@@ -48,7 +48,7 @@ lint: .venv/installed ## style, types and the import contract
 	$(BIN)/lint-imports
 
 readme: .venv/installed ## write the recorded times and ratios of docs/measured.toml into README.md
-	$(BIN)/python -m reports.pages README.md docs/measured.toml
+	$(BIN)/python -c 'from pathlib import Path; from reports.pages import write_marked; write_marked(Path("README.md"), Path("docs/measured.toml"))'
 
 clean: ## remove the results, the virtual environment and all caches
 	rm -rf .venv $(OUT) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

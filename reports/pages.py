@@ -16,7 +16,6 @@ A measurement is written as text, ``"0.620 kN"``, and appears as it is written. 
 from __future__ import annotations
 
 import re
-import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -98,6 +97,16 @@ def fill_marked(text: str, measured: Mapping[str, Any]) -> str:
     PageError : there is no such measurement.
     """
     return _MARKED.sub(lambda found: f"<!--{found[1]}-->{_named(measured, found[1])}<!--/-->", text)
+
+
+def write_marked(file: Path, measured: Path) -> None:
+    """Fill the marked numbers of a file from a file of measurements, in place.
+
+    Raises
+    ------
+    PageError : a marked number is not measured.
+    """
+    file.write_text(fill_marked(file.read_text(encoding="utf-8"), read_measured(measured)), encoding="utf-8")
 
 
 def _named(measured: Mapping[str, Any], key: str) -> Quantity:
@@ -200,8 +209,3 @@ def _percent(value: float, digits: int = 2) -> str:
 def _unit(value: Quantity) -> str:
     """The number with its unit."""
     return f"{value}{'' if value.unit == '°' else ' '}{value.unit}"
-
-
-if __name__ == "__main__":  # python -m reports.pages README.md docs/measured.toml
-    marked = Path(sys.argv[1])
-    marked.write_text(fill_marked(marked.read_text("utf-8"), read_measured(Path(sys.argv[2]))), "utf-8")

@@ -11,7 +11,7 @@ import pytest
 
 from cases import list_cases, load_case
 from cases.loader import LIBRARY
-from reports.pages import PageError, Quantity, fill_marked, fill_page, read_measured
+from reports.pages import PageError, Quantity, fill_marked, fill_page, read_measured, write_marked
 from reports.report import readme_html
 
 ROOT = Path(__file__).parents[1]
@@ -153,6 +153,17 @@ def test_the_report_shows_the_parts_of_a_page_below_its_own_heading(tmp_path):
     assert html == "<h3>What it shows</h3>\n<p>A peak of 0.62 kN &lt;b&gt;.</p>\n"
     (tmp_path / "measured.toml").unlink()
     assert "'study' is none of: nothing" in readme_html(SimpleNamespace(case=case)).unescape()
+
+
+def test_marked_numbers_are_written_in_place(tmp_path):
+    file, record = tmp_path / "page.md", tmp_path / "measured.toml"
+    file.write_text("It takes <!--study.time-->1<!--/--> s.\n", "utf-8")
+    record.write_text(STUDY + 'time = "2.50 s"\n', "utf-8")
+    write_marked(file, record)
+    assert file.read_text("utf-8") == "It takes <!--study.time-->2.50<!--/--> s.\n"
+    record.write_text(STUDY, "utf-8")
+    with pytest.raises(PageError, match=r"study\.time is not measured"):
+        write_marked(file, record)
 
 
 def test_times_and_ratios_of_the_readme_are_those_of_the_record():
