@@ -7,12 +7,13 @@ import pytest
 from cases import Case, CaseError, case_from_tables
 from mpm import ExplicitMaterialPoints
 from mpm.explicit import moving_body
+from mpm.explicit.cell_splines import spline_values
 from mpm.explicit.contact import COUNTERS
-from mpm.explicit.kernels import spline_values, turned_strain
 from mpm.explicit.moving_body import MovingBody
+from mpm.explicit.step_bound import LARGEST_GRADIENT, largest_eigenvalue, proven_step, stable_step
+from mpm.explicit.stresses import turned_strain
 from numerics.explicit import instants
 from numerics.threads import use_threads
-from numerics.time_steps import LARGEST_GRADIENT, largest_eigenvalue, proven_step, stable_step
 from verify import run
 
 STEEL = {"young": 1.0, "poisson": 0.3, "density": 1.0}
