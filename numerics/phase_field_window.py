@@ -51,7 +51,7 @@ class Blocks:
     """
 
     def __init__(self, centres: NDArray, nodes: NDArray, n_nodes: int, breakable: NDArray, length_scale: float) -> None:
-        size = max(BLOCK * length_scale, _farthest_neighbour(centres, nodes, n_nodes) / RINGS)
+        size = max(BLOCK * length_scale, _farthest_neighbour(centres, nodes, n_nodes) / (RINGS - 0.5))
         place = np.floor((centres - centres.min(axis=0)) / size).astype(np.int64)
         self._shape = tuple(place.max(axis=0) + 1)
         self._block = place[:, 0] * self._shape[1] + place[:, 1]
