@@ -10,15 +10,7 @@ from numpy.typing import NDArray
 from cases import Case
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
-from fem_reference.explicit.phase_field_unknowns import (
-    BilinearUnknowns,
-    NodeRows,
-    PointValues,
-    SmoothUnknowns,
-    Unknowns,
-    WindowRows,
-)
-from fem_reference.smooth_basis import SmoothBasis
+from fem_reference.explicit.phase_field_unknowns import NodeRows, PhaseFieldUnknowns, PointValues, WindowRows
 from numerics.costs import Costs
 from numerics.linear_solvers import DirectSolver, direct_solver
 from numerics.phase_field_window import RESIDUAL, Blocks, Window, conjugate_gradients
@@ -48,12 +40,8 @@ class ElementPhaseField:
         breakable = materials.breakable[basis.body]
         self._is_solved = bool(breakable.any())
         self.points = PointValues.intact(basis.volume.shape)
-        self._unknowns: Unknowns = BilinearUnknowns(basis, self._coefficients)
-        self._direct: _DirectSolution | None = None
-        if materials.fourth_order.any():
-            smooth = SmoothBasis.of(case, basis, materials.curvature[basis.body])
-            self._unknowns = SmoothUnknowns(basis, self._coefficients, smooth)
-            self._direct = _DirectSolution(costs)
+        self._unknowns = PhaseFieldUnknowns(case, basis, materials)
+        self._direct = _DirectSolution(costs) if self._unknowns.is_smooth else None
         self.nodal = self._unknowns.spread(constraints.phase_value)
         if self._is_solved:
             length_scale = float(materials.length_scale[materials.breakable].max())

@@ -6,15 +6,16 @@ A node has one unknown, or four of ``SmoothBasis`` where the material is of orde
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cases import Case
 from fem_reference.element_basis import ElementBasis
 from fem_reference.quasi_static import kernels
 from fem_reference.smooth_basis import SmoothBasis
 from numerics.phase_field_window import fold
+from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients
 
 #: matrices (m, k (k + 1) / 2), upper halves, and residuals with their sign turned (m, k) of elements
@@ -41,94 +42,56 @@ class PointValues:
         return cls(np.ones(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape), np.full(shape, np.nan))
 
 
-class Unknowns(Protocol):
-    """``places`` unknowns (places n_nodes,) for each node."""
+class PhaseFieldUnknowns:
+    """``places`` unknowns for each node, (places n_nodes,) in all: of the basis of the displacement, or of a smooth one
+    where ``is_smooth``."""
 
-    places: int
+    def __init__(self, case: Case, basis: ElementBasis, materials: MaterialTable) -> None:
+        self._basis, self._coefficients = basis, PhaseFieldCoefficients(materials, basis.body)
+        self.is_smooth, self.places, self._of_elements = bool(materials.fourth_order.any()), 1, basis.elements
+        if self.is_smooth:
+            self._smooth = SmoothBasis.of(case, basis, materials.curvature[basis.body])
+            self._forms = self._smooth.forms(basis.volume)
+            self.places, self._of_elements = SmoothBasis.PLACES, self._smooth.unknowns
 
     def spread(self, at_nodes: NDArray) -> NDArray:
-        """Unknowns of values at the nodes (n_nodes,)."""
+        """Unknowns of values at the nodes (n_nodes,), with no slope there."""
+        return self._smooth.spread(at_nodes) if self.is_smooth else at_nodes.copy()
 
     def at_nodes(self, nodal: NDArray) -> NDArray:
         """Values (n_nodes,) at the nodes."""
+        return self._smooth.at_nodes(nodal) if self.is_smooth else nodal.copy()
 
     def equations(self, cells: NDArray, reaction: NDArray, nodal: NDArray) -> Equations:
-        """Matrices (m, k (k + 1) / 2) and residuals with their sign turned (m, k) of elements (m,)."""
+        """Of the elements (m,), from the factor of c at their Gauss points (m, n_gauss)."""
+        basis, of_elements = self._basis, self._of_elements[cells]
+        resistance, diffusion = self._coefficients.resistance[cells], self._coefficients.diffusion[cells]
+        local, out_of_balance = kernels.packed(of_elements.shape[1], len(cells)), np.empty(of_elements.shape)
+        if self.is_smooth:
+            kernels.fourth_order_matrices(
+                of_elements, self._smooth.kind[cells], self._smooth.value, *self._forms, basis.volume[cells], reaction,
+                resistance, diffusion, self._coefficients.bending[cells], nodal, local, out_of_balance,
+            )  # fmt: skip
+        else:
+            kernels.phase_field_matrices(
+                of_elements, basis.shape, basis.slope[cells], basis.volume[cells], reaction, resistance, diffusion, nodal,
+                local, out_of_balance,
+            )  # fmt: skip
+        return local, out_of_balance
 
     def map(self, cells: NDArray | slice, nodal: NDArray, points: PointValues) -> None:
         """Write the phase field at the Gauss points of elements."""
-
-
-class BilinearUnknowns:
-    """One unknown for each node: the shape functions of the displacement."""
-
-    places = 1
-
-    def __init__(self, basis: ElementBasis, coefficients: PhaseFieldCoefficients) -> None:
-        self._basis, self._coefficients = basis, coefficients
-
-    def spread(self, at_nodes: NDArray) -> NDArray:
-        """The values themselves."""
-        return at_nodes.copy()
-
-    def at_nodes(self, nodal: NDArray) -> NDArray:
-        """The unknowns themselves."""
-        return nodal.copy()
-
-    def equations(self, cells: NDArray, reaction: NDArray, nodal: NDArray) -> Equations:
-        """As of `Unknowns`."""
-        basis, coefficients, nodes = self._basis, self._coefficients, self._basis.elements[cells]
-        local, out_of_balance = kernels.packed(nodes.shape[1], len(cells)), np.empty(nodes.shape)
-        kernels.phase_field_matrices(
-            nodes, basis.shape, basis.slope[cells], basis.volume[cells], reaction, coefficients.resistance[cells],
-            coefficients.diffusion[cells], nodal, local, out_of_balance,
-        )  # fmt: skip
-        return local, out_of_balance
-
-    def map(self, cells: NDArray | slice, nodal: NDArray, points: PointValues) -> None:
-        """As of `Unknowns`."""
-        basis, value, slope_squared = self._basis, points.value[cells], points.slope_squared[cells]
-        kernels.scalar_at_points(basis.elements[cells], basis.shape, basis.slope[cells], nodal, value, slope_squared)
-        points.value[cells], points.slope_squared[cells] = value, slope_squared
-
-
-class SmoothUnknowns:
-    """Four unknowns for each node: a basis with continuous slopes."""
-
-    places = SmoothBasis.PLACES
-
-    def __init__(self, basis: ElementBasis, coefficients: PhaseFieldCoefficients, smooth: SmoothBasis) -> None:
-        self._volume, self._coefficients, self._smooth = basis.volume, coefficients, smooth
-        self._forms = smooth.forms(basis.volume)
-
-    def spread(self, at_nodes: NDArray) -> NDArray:
-        """Unknowns of values with no slope at the nodes."""
-        return self._smooth.spread(at_nodes)
-
-    def at_nodes(self, nodal: NDArray) -> NDArray:
-        """As of `Unknowns`."""
-        return self._smooth.at_nodes(nodal)
-
-    def equations(self, cells: NDArray, reaction: NDArray, nodal: NDArray) -> Equations:
-        """As of `Unknowns`."""
-        smooth, coefficients, unknowns = self._smooth, self._coefficients, self._smooth.unknowns[cells]
-        local, out_of_balance = kernels.packed(unknowns.shape[1], len(cells)), np.empty(unknowns.shape)
-        kernels.fourth_order_matrices(
-            unknowns, smooth.kind[cells], smooth.value, *self._forms, self._volume[cells], reaction,
-            coefficients.resistance[cells], coefficients.diffusion[cells], coefficients.bending[cells], nodal, local,
-            out_of_balance,
-        )  # fmt: skip
-        return local, out_of_balance
-
-    def map(self, cells: NDArray | slice, nodal: NDArray, points: PointValues) -> None:
-        """As of `Unknowns`."""
-        smooth, parts = self._smooth, (points.value, points.slope_squared, points.curvature_squared)
-        found = [part[cells] for part in parts]
-        kernels.smooth_scalar_at_points(
-            smooth.unknowns[cells], smooth.kind[cells], smooth.value, smooth.slope, smooth.curvature, nodal, *found
-        )
-        for part, values in zip(parts, found, strict=True):
-            part[cells] = values
+        wholes = points.value, points.slope_squared, points.curvature_squared
+        parts, basis = [whole[cells] for whole in wholes], self._basis
+        if self.is_smooth:
+            smooth = self._smooth
+            kernels.smooth_scalar_at_points(
+                smooth.unknowns[cells], smooth.kind[cells], smooth.value, smooth.slope, smooth.curvature, nodal, *parts
+            )
+        else:
+            kernels.scalar_at_points(basis.elements[cells], basis.shape, basis.slope[cells], nodal, *parts[:2])
+        for whole, part in zip(wholes, parts, strict=True):
+            whole[cells] = part
 
 
 @dataclass
