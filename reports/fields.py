@@ -335,7 +335,7 @@ def _frame_distortion(axes: np.ndarray, moved: tuple[np.ndarray, np.ndarray], wi
     for whole, close_up in axes.T:
         whole.set_aspect("equal")
         fit_axes(whole, *moved)
-        frame = {"fill": False, "edgecolor": "black", "linewidth": 0.9}
+        frame: Any = {"fill": False, "edgecolor": "black", "linewidth": 0.9}
         whole.add_patch(Rectangle(tuple(window[0]), *(window[1] - window[0]), **frame))
         close_up.set(xlim=window[:, 0], ylim=window[:, 1], aspect="equal")
 

@@ -16,7 +16,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup, escape
 
+from cases import UserError
+
 from . import charts, curves, fields, film, maps, motion, orientations, scene, style, surface, sweeps, tables, words
+from .pages import fill_page
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -176,7 +179,7 @@ def _section(
     return Section(title, [drawing for drawing in drawings if drawing is not None])
 
 
-def _main_curve(sections: list[Section]) -> style.Drawing | None:
+def _main_curve(sections: list[Section]) -> style.Drawing | style.Film | None:
     """Take the main curve out of its section; None where none is drawn."""
     drawn = {section.title: section for section in sections if section.drawings}
     title = next((title for title in MAIN_CURVES if title in drawn), None)
@@ -197,11 +200,13 @@ def _notices(results: CaseResults) -> list[str]:
 
 
 def readme_html(results: CaseResults) -> Markup:
-    """Return the case's README as HTML, with markup inside it shown as text; empty without one."""
-    file = results.case.folder / "README.md" if results.case else None
-    if file is None or not file.is_file():
-        return Markup("")
-    text = file.read_text(encoding="utf-8")
+    """Return the case's filled page as HTML below a heading of the report, with markup inside it shown as text."""
+    try:
+        text = fill_page(results.case) if results.case else ""
+    except UserError as problem:
+        return Markup("<p class='notice'>{}</p>").format(str(problem))
+    text = re.sub(r"^# .*\n+", "", text)  # the report has the case's title already
+    text = re.sub(r"^(#+) ", r"#\1 ", text, flags=re.MULTILINE)
     markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     markdown.add_render_rule("image", _image_as_link)
     return Markup(markdown.render(text))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from cases import Case
+    from cases.geometry import Box
     from cases.numerical import Constraint
 
     from .results import CaseResults, RunResults
@@ -39,9 +40,14 @@ AXES_OF = {"x": np.array([1.0, 0.0]), "y": np.array([0.0, 1.0])}
 # ---------------------------------------------------------------- what acts on the bodies
 
 
-def conditions(case: Case, boundary: str) -> list[Constraint | Traction]:
-    """Return the constraints and tractions on a boundary set."""
-    return [condition for condition in (*case.constraints, *case.tractions) if condition.on == boundary]
+def conditions(case: Case) -> dict[str, list[Constraint | Traction]]:
+    """Return the constraints and tractions on each boundary set that has any."""
+    found: dict[str, list[Constraint | Traction]] = {}
+    for constraint in case.constraints:
+        found.setdefault(constraint.on, []).append(constraint)
+    for traction in case.tractions:
+        found.setdefault(traction.on, []).append(traction)
+    return found
 
 
 def condition_in_words(condition: Constraint | Traction, case: Case, mathematics: bool = False) -> str:
@@ -99,8 +105,7 @@ def _pair(point: Any) -> str:
 
 def boundary_rows(case: Case) -> list[dict[str, str]]:
     """Return name, place and conditions of all that acts: boundary sets, gravity, velocities at the start."""
-    names = dict.fromkeys(condition.on for condition in (*case.constraints, *case.tractions))
-    said = {name: ", ".join(condition_in_words(each, case) for each in conditions(case, name)) for name in names}
+    said = {name: ", ".join(condition_in_words(c, case) for c in acting) for name, acting in conditions(case).items()}
     rows = [(name, place_in_words(case, name), words) for name, words in said.items()]
     rows += [("gravity", "all bodies", gravity_in_words(case).removeprefix("gravity "))]
     rows += [(body, "the body, at the start", velocity_in_words(case, body)) for body in case.bodies]
@@ -187,10 +192,10 @@ def _middle_of(case: Case, boundary: str) -> np.ndarray:
 
 def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: float) -> None:
     """Draw the set's place, its symbols and its label outside the body."""
-    acting = conditions(case, boundary)
+    acting = conditions(case)[boundary]
     _draw_place(axes, case.boundaries[boundary])
     words = ", ".join(condition_in_words(condition, case, mathematics=True) for condition in acting)
-    for side in _area(case, boundary) or sides_of(case, boundary, samples):
+    for side in _area(case.boundaries[boundary].box, acting) or sides_of(case, boundary, samples):
         depth = _draw_symbols(axes, side, acting, size)
         place = side.middle + side.normal * (depth + 0.3) * size
         upright = abs(side.normal[0]) > 0.5
@@ -202,10 +207,8 @@ def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: flo
         )  # fmt: skip
 
 
-def _area(case: Case, boundary: str) -> list[Side]:
+def _area(box: Box | None, acting: list[Constraint | Traction]) -> list[Side]:
     """Return the top of a box with a prescribed phase field alone: it holds in the box, not on the outline there."""
-    box = case.boundaries[boundary].box
-    acting = conditions(case, boundary)
     if box is None or box.is_flat or any(isinstance(c, Traction) or c.direction != "phase" for c in acting):
         return []
     top = np.array([(box.lower[0] + box.upper[0]) / 2, box.upper[1]])
@@ -310,7 +313,7 @@ def _draw_arrows(axes: Axes, side: Side, direction: np.ndarray, size: float, dep
 
 def _draw_arrow(axes: Axes, start: np.ndarray, along: np.ndarray) -> None:
     arrow = {"arrowstyle": "-|>,head_width=0.22,head_length=0.45", "color": MOVED, "lw": 1.3}
-    axes.annotate("", start + along, start, arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0}, zorder=5)
+    axes.annotate("", tuple(start + along), tuple(start), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0}, zorder=5)
 
 
 def _draw_gravity(axes: Axes, case: Case, size: float) -> None:
@@ -337,7 +340,7 @@ def _draw_bodies(axes: Axes, case: Case, size: float) -> None:
         place = np.array(polygons[0].representative_point().coords[0])
         said = [f"{name}\n({body.material})"] if len(case.bodies) > 1 else []
         said += filter(None, [velocity_in_words(case, name).replace(", velocity", ",\nvelocity")])
-        axes.text(*place, "\n".join(said), ha="center", va="center", fontsize=8, zorder=6)
+        axes.text(place[0], place[1], "\n".join(said), ha="center", va="center", fontsize=8, zorder=6)
         if any(body.velocity):
             along = 2.0 * size * _unit(body.velocity)
             _draw_arrow(axes, place - [0.0, 2.6 * size] - along / 2, along)
@@ -411,7 +414,7 @@ def _draw_mesh_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None
 def _draw_points_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None:
     points = run.points(float(run.stored[0])).reference
     near = points[np.all((points >= window[0]) & (points <= window[1]), axis=1)]
-    look = {"markersize": 2.6, "markeredgewidth": 0, "color": style.OKABE_ITO[1]}
+    look: Any = {"markersize": 2.6, "markeredgewidth": 0, "color": style.OKABE_ITO[1]}
     axes.plot(*near.T, "o", rasterized=len(near) > style.RASTER_ABOVE, **look)
 
 
@@ -485,7 +488,7 @@ def _draw_main(axes: Axes, case: Case, window: np.ndarray) -> None:
     _draw_bodies(axes, case, size)
     draw_notches(axes, case, widen=1.4)
     samples = outline_samples(case)
-    for boundary in dict.fromkeys(condition.on for condition in (*case.constraints, *case.tractions)):
+    for boundary in conditions(case):
         _draw_boundary(axes, case, boundary, samples, size)
     _draw_gravity(axes, case, size)
     _draw_dimensions(axes, case, size)

@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from .results import RunResults
 
@@ -143,7 +143,7 @@ def curve_axes(width: float, height: float, xlabel: str, ylabel: str) -> tuple[F
     return figure, axes[0, 0]
 
 
-def legend_below(figure: Figure, axes: Sequence[Any], columns: int = 3, last: str = "") -> None:
+def legend_below(figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "") -> None:
     """Put one legend below the panels: each label of any of the axes once, the one called ``last`` at the end."""
     labelled = [pair for each in axes for pair in zip(*each.get_legend_handles_labels(), strict=True)]
     handles = {label: handle for handle, label in labelled}

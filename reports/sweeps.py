@@ -24,7 +24,7 @@ SAID = ("metric", "unit", "value", "target")
 LENGTH_SCALE, SPACING = "length_scale", "h"
 
 
-def _swept(results: CaseResults) -> Iterator[tuple[Any, dict[str, float], dict[str, Any]]]:
+def _swept(results: CaseResults) -> Iterator[tuple[Any, dict[str, Any], dict[str, Any]]]:
     """Yield what the checks against references say of sweeps over numbers: the run's spec, what was swept, the check."""
     specs = results.case.run_specs() if results.case else {}
     for check in results.checks:

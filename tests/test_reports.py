@@ -403,9 +403,9 @@ FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-
          "--disable-background-networking", "--disable-component-update", "--dump-dom")  # fmt: skip
 MEASURE = """<script>addEventListener("load", function () {
   var pictures = Array.from(document.querySelectorAll(".first img"), (i) => i.getBoundingClientRect());
-  var checks = document.querySelector("table.wide").parentElement;
+  var checks = document.querySelector("table.wide").parentElement, root = document.documentElement;
   document.body.dataset.layout = JSON.stringify({
-    window: innerWidth, hidden: document.documentElement.scrollWidth - document.documentElement.clientWidth, table: checks.scrollWidth - checks.clientWidth,
+    window: innerWidth, hidden: root.scrollWidth - root.clientWidth, table: checks.scrollWidth - checks.clientWidth,
     verdict: document.querySelector(".chip").getBoundingClientRect().bottom,
     pictures: pictures.map((p) => [p.width, p.bottom]), checks: checks.getBoundingClientRect().height,
   });
