@@ -20,8 +20,9 @@ class NodeConstraints:
 
     Attributes
     ----------
-    equations : (2 n_nodes,) equation number, -1 where prescribed, shared where tied.
-    phase_equations : (n_nodes,) the same for the phase field.
+    equations : (2 n_nodes,) equation number, -1 where prescribed, shared where tied; ``size`` is their number.
+    prescribed : (2 n_nodes,) displacement unknowns without an equation.
+    phase_prescribed, phase_value : (n_nodes,) where the phase field is held, and at what; 1 elsewhere.
     """
 
     def __init__(self, case: Case, nodes: NDArray) -> None:
@@ -58,8 +59,7 @@ class NodeConstraints:
             )
         self.prescribed, self.phase_prescribed = prescribed, phase_prescribed
         self.equations = _number(prescribed, master)
-        self.phase_equations = _number(phase_prescribed, np.arange(n_nodes))
-        self.size, self.phase_size = int(self.equations.max()) + 1, int(self.phase_equations.max()) + 1
+        self.size = int(self.equations.max()) + 1
 
     def prescribed_values(self, load: float) -> NDArray:
         """Values (2 n_nodes,) at a load; only the prescribed ones mean anything."""

@@ -23,7 +23,7 @@ class LostPointsError(NewtonError):
     """Material points have left the grid: no increment finds equilibrium there."""
 
 
-class Slit:
+class GridSlit:
     """An axis-parallel crack of no width on a grid line.
 
     ``normal`` is the direction across it (0 for x, 1 for y), ``position`` its place there, ``start`` and ``end``
@@ -68,7 +68,7 @@ class Grid:
         self._box, self._source = (lower, upper), case.source
         self._check_notches_part_functions(case)
         self.slits = [
-            Slit(case.source, np.array(n.start, float), np.array(n.end, float), lower, upper)
+            GridSlit(case.source, np.array(n.start, float), np.array(n.end, float), lower, upper)
             for n in case.notches
             if n.kind == "slit"
         ]
@@ -136,7 +136,7 @@ class Grid:
         ranks[np.argsort(first)] = np.arange(count)
         return ranks[labels].reshape(shape), count
 
-    def _pairs_to_join(self, slit: Slit, numbers: NDArray) -> NDArray:
+    def _pairs_to_join(self, slit: GridSlit, numbers: NDArray) -> NDArray:
         across, along = self.axes[slit.normal], self.axes[1 - slit.normal]
         above = int(np.searchsorted(across.knots, slit.position - 1e-12 * np.ptp(across.breakpoints)))
         left, right = along.support()
@@ -173,7 +173,7 @@ class Grid:
             np.maximum(across, line, out=across, where=side > 0)
         return cells[0], cells[1]
 
-    def line_of(self, slit: Slit) -> int:
+    def line_of(self, slit: GridSlit) -> int:
         """Number of the grid line that a slit lies on."""
         return _line_index(self.axes[slit.normal].breakpoints, slit.position)
 

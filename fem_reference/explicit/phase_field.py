@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 from cases import Case
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
-from fem_reference.quasi_static import kernels
+from fem_reference.phase_field_kernels import (
+    ElementValues,
+    fourth_order_systems,
+    phase_field_systems,
+    scalar_at_points,
+    smooth_scalar_at_points,
+)
 from fem_reference.smooth_basis import SmoothBasis
 from numerics.costs import Costs
 from numerics.linear_solvers import DirectSolver, direct_solver
+from numerics.phase_field_equation import PhaseFieldTerms, ScalarAtPoints
 from numerics.phase_field_window import BLOCK, RESIDUAL, Blocks, Window, conjugate_gradients, fold
-from numerics.sparse_pattern import RowPattern
+from numerics.sparse_pattern import LocalSystems, RowPattern
 from physics.elasticity import MaterialTable
 from physics.phase_field import BROKEN, PhaseFieldCoefficients, crack_density
 
@@ -76,9 +83,9 @@ class ElementPhaseField:
                 self._solve_in(window, history_field, now)
 
     def _solve_in(self, window: Window, history_field: NDArray, now: float) -> None:
-        local, out_of_balance = self._equations(window, history_field)
+        systems = self._equations(window, history_field)
         nodes = window.nodes[~self._held[window.nodes]]
-        correction, iterations = self._correction(window.cells, nodes, local, out_of_balance)
+        correction, iterations = self._correction(window.cells, nodes, systems)
         self.nodal.reshape(-1, self._places)[nodes] += correction.reshape(-1, self._places)
         self._map(window.cells)
         self.solved_for[window.cells] = history_field[window.cells]
@@ -87,9 +94,7 @@ class ElementPhaseField:
         self.broken_at[window.cells] = broken_at
         self._costs.count.update(phase_field_solves=1, cg_iterations=iterations, window_cells=len(window.cells))
 
-    def _correction(
-        self, cells: NDArray, nodes: NDArray, local: NDArray, out_of_balance: NDArray
-    ) -> tuple[NDArray, int]:
+    def _correction(self, cells: NDArray, nodes: NDArray, systems: LocalSystems) -> tuple[NDArray, int]:
         """Correction (places n,) at nodes (n,) from the equations of cells, and the number of iterations."""
         places, size = self._places, self._places * len(nodes)
         # one row more stands for all nodes that do not take part
@@ -98,7 +103,7 @@ class ElementPhaseField:
         near = np.repeat(np.minimum(_each_place(rows[self._near[nodes]], places), size), places, axis=0)
         rows_of_cells = np.minimum(_each_place(rows[self._basis.elements[cells]], places), size)
         values, right_side = np.zeros((size + 1, near.shape[1])), np.zeros(size + 1)
-        fold(rows_of_cells, self._slots[cells], local, out_of_balance, values, right_side)
+        fold(rows_of_cells, self._slots[cells], *systems, values, right_side)
         if self._smooth:
             return self._direct(near).solve(values[:-1], right_side[:-1]), 0
         return conjugate_gradients(near, values[:-1], self._own[nodes], right_side[:-1], self._sources[nodes], RESIDUAL)
@@ -113,39 +118,33 @@ class ElementPhaseField:
         self._solved_near = near
         return self._solver
 
-    def _equations(self, window: Window, history_field: NDArray) -> tuple[NDArray, NDArray]:
-        """Matrices (m, k (k + 1) / 2) and residuals with their sign turned (m, k) of the window's elements."""
+    def _equations(self, window: Window, history_field: NDArray) -> LocalSystems:
+        """Matrices and residuals with their sign turned of the window's elements."""
         cells, basis, coefficients = window.cells, self._basis, self._coefficients
-        unknowns, resistance = self._cells[cells], coefficients.resistance[cells]
-        local, out_of_balance = kernels.packed(unknowns.shape[1], len(cells)), np.empty(unknowns.shape)
+        resistance = coefficients.resistance[cells]
+        systems = LocalSystems.empty(len(cells), self._cells.shape[1])
         reaction = coefficients.drive[cells, None] * history_field[cells] + resistance[:, None]
+        terms = PhaseFieldTerms(reaction, resistance, coefficients.diffusion[cells], coefficients.bending[cells])
         if self._smooth:
-            kernels.fourth_order_matrices(
-                unknowns, self._smooth.kind[cells], self._smooth.value, *self._forms, basis.volume[cells], reaction,
-                resistance, coefficients.diffusion[cells], coefficients.bending[cells], self.nodal, local, out_of_balance,
-            )  # fmt: skip
+            smooth = self._smooth.values(cells)
+            fourth_order_systems(smooth, self._forms, basis.volume[cells], terms, self.nodal, *systems)
         else:
-            kernels.phase_field_matrices(
-                unknowns, basis.shape, basis.slope[cells], basis.volume[cells], reaction, resistance,
-                coefficients.diffusion[cells], self.nodal, local, out_of_balance,
-            )  # fmt: skip
-        return local, out_of_balance
+            phase_field_systems(self._values(cells), terms, self.nodal, *systems)
+        return systems
+
+    def _values(self, cells: NDArray | slice) -> ElementValues:
+        basis = self._basis
+        return ElementValues(basis.elements[cells], basis.shape, basis.slope[cells], basis.volume[cells])
 
     def _map(self, cells: NDArray | slice) -> None:
-        value, slope_squared = self.at_points[cells], self._slope_squared[cells]
-        basis, smooth = self._basis, self._smooth
-        if smooth:
-            curvature_squared = self._curvature_squared[cells]
-            kernels.smooth_scalar_at_points(
-                smooth.unknowns[cells], smooth.kind[cells], smooth.value, smooth.slope, smooth.curvature, self.nodal,
-                value, slope_squared, curvature_squared,
-            )  # fmt: skip
-            self._curvature_squared[cells] = curvature_squared
+        wholes = self.at_points, self._slope_squared, self._curvature_squared
+        parts = ScalarAtPoints(*(whole[cells] for whole in wholes))
+        if self._smooth:
+            smooth_scalar_at_points(self._smooth.values(cells), self.nodal, *parts)
         else:
-            kernels.scalar_at_points(
-                basis.elements[cells], basis.shape, basis.slope[cells], self.nodal, value, slope_squared
-            )
-        self.at_points[cells], self._slope_squared[cells] = value, slope_squared
+            scalar_at_points(self._values(cells), self.nodal, parts.value, parts.slope_squared)
+        for whole, part in zip(wholes, parts, strict=True):
+            whole[cells] = part
 
     def energy(self) -> float:
         """Fracture energy [energy] (Eq. 2.49)."""
