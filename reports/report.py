@@ -15,7 +15,10 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from cases import UserError
+
 from . import charts, curves, fields, film, maps, motion, orientations, scene, style, surface, sweeps, tables, words
+from .pages import fill_page
 from .results import READING_ERRORS, CaseResults, read_summary
 
 if TYPE_CHECKING:
@@ -195,11 +198,13 @@ def _notices(results: CaseResults) -> list[str]:
 
 
 def readme_html(results: CaseResults) -> Markup:
-    """Return the case's README as HTML, with markup inside it shown as text; empty without one."""
-    file = results.case.folder / "README.md" if results.case else None
-    if file is None or not file.is_file():
-        return Markup("")
-    text = file.read_text(encoding="utf-8")
+    """Return the case's filled page as HTML below a heading of the report, with markup inside it shown as text."""
+    try:
+        text = fill_page(results.case) if results.case else ""
+    except UserError as problem:
+        return Markup("<p class='notice'>{}</p>").format(str(problem))
+    text = re.sub(r"^# .*\n+", "", text)  # the report has the case's title already
+    text = re.sub(r"^(#+) ", r"#\1 ", text, flags=re.MULTILINE)
     try:
         from markdown_it import MarkdownIt
     except ImportError:  # it comes with rich, but nothing here declares it

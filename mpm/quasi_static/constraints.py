@@ -64,8 +64,9 @@ Selector = Callable[[BoundarySet], tuple[NDArray, NDArray]]
 
 def displacement_motions(case: Case, select: Selector, positions: NDArray) -> list[PrescribedMotion]:
     """The case's displacement constraints on the places that ``select`` finds among ``positions`` (n, 2)."""
-    motions = []
-    for constraint in case.constraints:
+    motions: list[PrescribedMotion] = []
+    holder = np.full((2, len(positions)), -1)
+    for number, constraint in enumerate(case.constraints):
         if constraint.direction == "phase":
             continue
         places, offset = select(case.boundaries[constraint.on])
@@ -75,6 +76,8 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
                 " move it onto a body"
             )
         directions = (0, 1) if constraint.motion else (DIRECTIONS[constraint.direction],)
+        for component in directions:
+            _refuse_contradictions(case, number, component, places, holder)
         motions += [
             PrescribedMotion(
                 places, offset, component, positions[places] + offset, constraint.scale or 0.0,
@@ -83,6 +86,17 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
             for component in directions
         ]  # fmt: skip
     return motions
+
+
+def _refuse_contradictions(case: Case, number: int, component: int, places: NDArray, holder: NDArray) -> None:
+    """Note in ``holder`` (2, n) which constraint holds each place in each direction."""
+    for other in np.unique(holder[component, places]):
+        if other >= 0 and not case.constraints[number].asks_the_same(case.constraints[other]):
+            raise GridError(
+                f"{case.source}: constraints[{other}] and constraints[{number}] hold a place in the same direction and"
+                " contradict each other; leave it out of one of the two boundary sets"
+            )
+    holder[component, places] = number
 
 
 class PointsOn:
@@ -180,18 +194,13 @@ class NodeMotions:
 
     def bind(self, size: int) -> tuple[NDArray, NDArray]:
         """Which unknowns (size,) are prescribed, and the one that each of them is tied to, by default itself."""
-        master, tied, prescribed = np.arange(size), np.zeros(size, bool), np.zeros(size, bool)
+        master, prescribed = np.arange(size), np.zeros(size, bool)
         for motion in self._motions:
             unknowns = _unknowns(motion)
             if motion.tied:
-                master[unknowns], tied[unknowns] = unknowns[0], True
+                master[unknowns] = unknowns[0]
             else:
                 prescribed[unknowns] = True
-        if (tied & prescribed).any():
-            raise GridError(
-                f"{self._case.source}: constraints: a node is both tied and prescribed in the same direction; leave it"
-                " out of one of the two boundary sets"
-            )
         return prescribed, master
 
     def prescribe(self, increment: NDArray, load: float, before: float) -> None:

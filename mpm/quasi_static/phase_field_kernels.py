@@ -1,8 +1,8 @@
 """Compiled loops over cells and the material points in them for the phase field: equations of cells, values at points.
 
-``cells`` are ``Cells``, ``basis`` ``BasisValues`` and ``terms`` ``PhaseFieldTerms`` of the points. Local matrices keep the
-upper half, row by row. What a loop fills is an argument of its own: numba drops what is written to an array that was
-taken out of a tuple.
+``cells`` are ``Cells``, ``basis`` ``BasisValues`` and ``terms`` ``PhaseFieldTerms`` of the points. Local matrices keep
+the upper half, row by row. What a loop fills is an argument of its own: numba drops what is written to an array that
+was taken out of a tuple.
 """
 
 from __future__ import annotations
