@@ -12,14 +12,19 @@ from numpy.typing import NDArray
 
 from cases import Case
 from fem_reference.element_basis import ElementBasis
-from fem_reference.quasi_static import kernels
+from fem_reference.phase_field_kernels import (
+    ElementValues,
+    fourth_order_systems,
+    phase_field_systems,
+    scalar_at_points,
+    smooth_scalar_at_points,
+)
 from fem_reference.smooth_basis import SmoothBasis
+from numerics.phase_field_equation import PhaseFieldTerms
 from numerics.phase_field_window import fold
+from numerics.sparse_pattern import LocalSystems
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients
-
-#: matrices (m, k (k + 1) / 2), upper halves, and residuals with their sign turned (m, k) of elements
-Equations = tuple[NDArray, NDArray]
 
 
 @dataclass
@@ -62,34 +67,33 @@ class PhaseFieldUnknowns:
         """Values (n_nodes,) at the nodes."""
         return self._smooth.at_nodes(nodal) if self.is_smooth else nodal.copy()
 
-    def equations(self, cells: NDArray, reaction: NDArray, nodal: NDArray) -> Equations:
-        """Of the elements (m,), from the factor of c at their Gauss points (m, n_gauss)."""
-        basis, of_elements = self._basis, self._of_elements[cells]
-        resistance, diffusion = self._coefficients.resistance[cells], self._coefficients.diffusion[cells]
-        local, out_of_balance = kernels.packed(of_elements.shape[1], len(cells)), np.empty(of_elements.shape)
+    def equations(self, cells: NDArray, reaction: NDArray, nodal: NDArray) -> LocalSystems:
+        """Matrices and residuals with their sign turned of the elements (m,), from the factor of c at their Gauss points
+        (m, n_gauss)."""
+        coefficients = self._coefficients
+        systems = LocalSystems.empty(len(cells), self._of_elements.shape[1])
+        terms = PhaseFieldTerms(
+            reaction, coefficients.resistance[cells], coefficients.diffusion[cells], coefficients.bending[cells]
+        )
         if self.is_smooth:
-            kernels.fourth_order_matrices(
-                of_elements, self._smooth.kind[cells], self._smooth.value, *self._forms, basis.volume[cells], reaction,
-                resistance, diffusion, self._coefficients.bending[cells], nodal, local, out_of_balance,
-            )  # fmt: skip
+            volume = self._basis.volume[cells]
+            fourth_order_systems(self._smooth.values(cells), self._forms, volume, terms, nodal, *systems)
         else:
-            kernels.phase_field_matrices(
-                of_elements, basis.shape, basis.slope[cells], basis.volume[cells], reaction, resistance, diffusion, nodal,
-                local, out_of_balance,
-            )  # fmt: skip
-        return local, out_of_balance
+            phase_field_systems(self._values(cells), terms, nodal, *systems)
+        return systems
+
+    def _values(self, cells: NDArray | slice) -> ElementValues:
+        basis = self._basis
+        return ElementValues(basis.elements[cells], basis.shape, basis.slope[cells], basis.volume[cells])
 
     def map(self, cells: NDArray | slice, nodal: NDArray, points: PointValues) -> None:
         """Write the phase field at the Gauss points of elements."""
         wholes = points.value, points.slope_squared, points.curvature_squared
-        parts, basis = [whole[cells] for whole in wholes], self._basis
+        parts = [whole[cells] for whole in wholes]
         if self.is_smooth:
-            smooth = self._smooth
-            kernels.smooth_scalar_at_points(
-                smooth.unknowns[cells], smooth.kind[cells], smooth.value, smooth.slope, smooth.curvature, nodal, *parts
-            )
+            smooth_scalar_at_points(self._smooth.values(cells), nodal, *parts)
         else:
-            kernels.scalar_at_points(basis.elements[cells], basis.shape, basis.slope[cells], nodal, *parts[:2])
+            scalar_at_points(self._values(cells), nodal, *parts[:2])
         for whole, part in zip(wholes, parts, strict=True):
             whole[cells] = part
 
@@ -121,7 +125,7 @@ class NodeRows:
             slots = np.repeat(_each_place(slots, places), places, axis=1).astype(np.int8)
         self._slots = slots
 
-    def summed(self, cells: NDArray, nodes: NDArray, equations: Equations) -> WindowRows:
+    def summed(self, cells: NDArray, nodes: NDArray, equations: LocalSystems) -> WindowRows:
         """Sum up the equations of elements (m,) for the nodes (n,) that they are solved for."""
         places, size = self._places, self._places * len(nodes)
         rows = np.full(self._n_nodes + 1, len(nodes), np.int32)
