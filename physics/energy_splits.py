@@ -33,7 +33,7 @@ def _first_or(code: int, first: Response, otherwise: Response) -> Response:
 
 def one_of(laws: Mapping[int, Response]) -> Response:
     """The compiled function (split, g, exx, eyy, gxy, lam, mu) -> PointResponse by the law whose code is ``split``."""
-    chosen = _unknown_response
+    chosen: Response = _unknown_response
     for code, response in laws.items():
         chosen = _first_or(code, response, chosen)
     return chosen
