@@ -64,13 +64,14 @@ class Law(NamedTuple):
     @classmethod
     def isotropic(cls, split: str, lam: float, mu: float) -> Law:
         """The law of one isotropic body, for the splits that need no root."""
-        return cls(np.array([SPLIT_CODES[split]]), np.array([False]), np.array([lam]), np.array([mu]), np.zeros((1, 3, 3)))
+        code, root = np.array([SPLIT_CODES[split]]), np.zeros((1, 3, 3))
+        return cls(code, np.array([False]), np.array([lam]), np.array([mu]), root)
 
     @classmethod
     def rooted(cls, split: str, stiffness: NDArray) -> Law:
         """The law of one body of any stiffness C (3, 3), split after its strain~ (He and Shao 2019)."""
-        code = np.array([SPLIT_CODES[split]])
-        return cls(code, np.array([True]), np.zeros(1), np.full(1, 0.5), energy_root(stiffness)[None])
+        code, root = np.array([SPLIT_CODES[split]]), energy_root(stiffness)[None]
+        return cls(code, np.array([True]), np.zeros(1), np.full(1, 0.5), root)
 
     @classmethod
     def of(cls, material: Material, assumption: str) -> Law:
