@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cases.solvers import SOLVERS
-from verify.metrics.motion import missing_energy
+from verify.metrics.histories import missing_energy
 from verify.metrics.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style
