@@ -54,6 +54,13 @@ class Constraint(Table):
         self._direction_fits(given[0])
         return self
 
+    def asks_the_same(self, other: Constraint) -> bool:
+        """Whether a place that both hold in one direction can do what each asks."""
+        if self.tied or other.tied:
+            return False
+        asked = [(c.scale or 0.0, c.value or 0.0, c.velocity or 0.0, c.motion) for c in (self, other)]
+        return asked[0] == asked[1]
+
     def _direction_fits(self, prescribed: str) -> None:
         if prescribed == "motion":
             if self.direction is not None:

@@ -63,8 +63,9 @@ Selector = Callable[[BoundarySet], tuple[NDArray, NDArray]]
 
 def displacement_motions(case: Case, select: Selector, positions: NDArray) -> list[Motion]:
     """The case's displacement constraints on the places that ``select`` finds among ``positions`` (n, 2)."""
-    motions = []
-    for constraint in case.constraints:
+    motions: list[Motion] = []
+    holder = np.full((2, len(positions)), -1)
+    for number, constraint in enumerate(case.constraints):
         if constraint.direction == "phase":
             continue
         places, offset = select(case.boundaries[constraint.on])
@@ -74,6 +75,8 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
                 " move it onto a body"
             )
         directions = (0, 1) if constraint.motion else (DIRECTIONS[constraint.direction],)
+        for component in directions:
+            _refuse_contradictions(case, number, component, places, holder)
         motions += [
             Motion(
                 places, offset, component, positions[places] + offset, constraint.scale or 0.0,
@@ -82,6 +85,17 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
             for component in directions
         ]  # fmt: skip
     return motions
+
+
+def _refuse_contradictions(case: Case, number: int, component: int, places: NDArray, holder: NDArray) -> None:
+    """Note in ``holder`` (2, n) which constraint holds each place in each direction."""
+    for other in np.unique(holder[component, places]):
+        if other >= 0 and not case.constraints[number].asks_the_same(case.constraints[other]):
+            raise GridError(
+                f"{case.source}: constraints[{other}] and constraints[{number}] hold a place in the same direction and"
+                " contradict each other; leave it out of one of the two boundary sets"
+            )
+    holder[component, places] = number
 
 
 class PointsOn:
