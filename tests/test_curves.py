@@ -18,7 +18,7 @@ from verify.metrics.curves import (
     peak_force,
 )
 from verify.metrics.measures import fitted_order
-from verify.metrics.metric import MetricError
+from verify.metrics.metric import MetricError, metric
 from verify.metrics.registry import METRICS, PAIR_METRICS, SWEEP_METRICS, find_metric
 
 LIMIT = 0.05  # the comparison of two good solutions passes it, that of each bad curve must not
@@ -376,6 +376,11 @@ def test_metrics_refuse_what_they_cannot_give():
     ):
         with pytest.raises(MetricError):
             refused()
+
+
+def test_two_metrics_cannot_have_one_name():
+    with pytest.raises(ValueError, match="two metrics are called 'peak_force'"):
+        metric("force", "another peak", name="peak_force")(lambda run: 0.0)
 
 
 def test_fitted_order():

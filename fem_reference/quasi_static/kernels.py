@@ -117,21 +117,6 @@ def scalar_at_points(nodes, shape, slope, nodal, value, slope_squared):
             slope_squared[e, q] = cx * cx + cy * cy
 
 
-@njit(inline="always")
-def _smooth_scalar(unknowns, value, slope, curvature, nodal):
-    """A scalar at one Gauss point with its slope and its weighted second derivatives."""
-    c = cx = cy = c0 = c1 = c2 = 0.0
-    for a in range(unknowns.size):
-        phase = nodal[unknowns[a]]
-        c += value[a] * phase
-        cx += slope[a, 0] * phase
-        cy += slope[a, 1] * phase
-        c0 += curvature[a, 0] * phase
-        c1 += curvature[a, 1] * phase
-        c2 += curvature[a, 2] * phase
-    return c, cx, cy, c0, c1, c2
-
-
 @njit(cache=True, parallel=True)
 def fourth_order_matrices(
     unknowns, kind, value, slopes, bends, volume, reaction, resistance, diffusion, bending, nodal, local, out_of_balance
