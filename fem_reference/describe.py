@@ -50,7 +50,8 @@ def describe(case: Case) -> Description:
         points=round(cells) * (9 if smooth else 4 if counts.corners == 4 else 3),
         unknowns_displacement=round(2 * counts.nodes if moving else counts.displacement),
         unknowns_phase_field=round(phase_field),
-        order=2 if smooth else 1,  # C1 elements have about as many couplings as quadratic splines
+        # C1 elements have about as many couplings as quadratic splines, and as many functions at a point as cubic ones
+        order=(3 if moving else 2) if smooth else 1,
         stable_step=_stable_step(case, is_made) if moving else None,
         **description.shares(case, counts.elements),
     )

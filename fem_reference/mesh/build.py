@@ -46,8 +46,9 @@ __all__ = ["Mesh", "MeshError", "Quality", "build_mesh", "quality"]
 REMEDY_QUADS = 'set mesh.element = "triangle"'
 REMEDY_TRIANGLES = 'move it into a body, or make it a notch of kind "cells"'
 REMEDY_FILE = "draw the slit as edges in the mesh file"
-# Triangles in the square of the wanted size: 4 / sqrt(3) equilateral ones of edges as much shorter as netgen makes them.
-TRIANGLES_IN_A_SQUARE = 2.7
+# Triangles that netgen makes in the square of the wanted size, and where it is held to it in a box: 4 / sqrt(3) would be
+# equilateral ones of that size.
+TRIANGLES_IN_A_SQUARE, TRIANGLES_IN_A_BOX = 2.75, 2.05
 # Blocks along each axis over which triangles are counted before they are made.
 BLOCKS = 500
 
@@ -127,7 +128,8 @@ def expected_triangles(case: Case, with_outlines: bool) -> tuple[Floats, Floats]
     """
     shapes = {index: body.shape for index, body in enumerate(case.bodies.values()) if body.shape}
     size, outlines, blocks = _size_field(case), _outlines(case, shapes), grid_blocks(case, BLOCKS)
-    density = TRIANGLES_IN_A_SQUARE * blocks.areas / size(blocks.centres) ** 2
+    held = np.any([box.away(blocks.centres) == 0.0 for box in size.boxes if not size.is_uniform], axis=0)
+    density = np.where(held, TRIANGLES_IN_A_BOX, TRIANGLES_IN_A_SQUARE) * blocks.areas / size(blocks.centres) ** 2
     number = np.zeros(len(case.bodies))
     for index, outline in zip(shapes, outlines, strict=True):
         inside = shapely.contains_xy(outline, *blocks.centres.T)
