@@ -41,7 +41,7 @@ def describe(case: Case) -> Description:
     is_made = few and (uses_quads(case) or any(body.mesh for body in case.bodies.values()))
     counts = _made(case) if is_made else _estimated(case, few)
     cells = float(counts.elements.sum())
-    phase_field = counts.breaking * (SmoothBasis.PLACES if smooth else 1)
+    breaking, rigid = description.shares(case, counts.elements)
     moving = case.dynamics is not None
     return Description(
         basis=_basis(counts.corners, smooth),
@@ -49,11 +49,12 @@ def describe(case: Case) -> Description:
         cells=round(cells),
         points=round(cells) * (9 if smooth else 4 if counts.corners == 4 else 3),
         unknowns_displacement=round(2 * counts.nodes if moving else counts.displacement),
-        unknowns_phase_field=round(phase_field),
+        unknowns_phase_field=round(counts.breaking * (SmoothBasis.PLACES if smooth else 1)),
         # C1 elements have about as many couplings as quadratic splines, and as many functions at a point as cubic ones
         order=(3 if moving else 2) if smooth else 1,
+        breaking=breaking,
+        rigid=rigid,
         stable_step=_stable_step(case, is_made) if moving else None,
-        **description.shares(case, counts.elements),
     )
 
 
@@ -84,7 +85,7 @@ def _estimated(case: Case, few: bool) -> _Counts:
         corners, (elements, on_outlines) = 3, expected_triangles(case, with_outlines=few)
         nodes = 0.5 * float(elements.sum() + len(on_outlines)) + 1.0  # Euler's formula
     constraints = NodeConstraints(case, on_outlines)
-    breaking = nodes * description.shares(case, elements)["breaking"]
+    breaking = nodes * description.shares(case, elements)[0]
     if case.dynamics is None:
         breaking -= float(constraints.phase_prescribed.sum())
     held = 2 * len(on_outlines) - constraints.size

@@ -37,7 +37,7 @@ def describe(case: Case) -> Description:
         counts = _moving(case)
     else:
         counts = _set_up(case) if count_cells(case) <= MOST_SET_UP else _estimated(case)
-    cells = float(counts.cells.sum())
+    cells, (breaking, rigid) = float(counts.cells.sum()), description.shares(case, counts.cells)
     return Description(
         basis=f"B-splines of order {case.mpm.order}, points placed {case.mpm.placement}",
         fine=description.where_fine(case, cells),
@@ -47,8 +47,9 @@ def describe(case: Case) -> Description:
         unknowns_phase_field=round(counts.phase_field),
         order=case.mpm.order,
         iterative=case.mpm.linear_solver == "gmres",
+        breaking=breaking,
+        rigid=rigid,
         stable_step=None if case.dynamics is None else stable_step(case),
-        **description.shares(case, counts.cells),
     )
 
 

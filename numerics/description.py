@@ -8,9 +8,11 @@ from importlib import import_module
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from cases import Case
 from cases.geometry import mesh_outline
+from cases.schema import Body
 from cases.solvers import SOLVERS
 from cases.spacing import grid_blocks
 
@@ -60,12 +62,11 @@ def breakable(case: Case) -> NDArray[np.bool_]:
     return np.array([case.materials[body.material].fracture is not None for body in case.bodies.values()])
 
 
-def shares(case: Case, cells: NDArray) -> dict[str, float]:
+def shares(case: Case, cells: NDArray) -> tuple[float, float]:
     """``breaking`` and ``rigid`` of a `Description`, from the cells (n_bodies,) of each body."""
     rigid = np.array([body.rigid for body in case.bodies.values()])
-    return {
-        name: float(cells[of].sum() / max(cells.sum(), 1)) for name, of in (("breaking", breakable(case)), ("rigid", rigid))
-    }
+    of_all = cells / max(cells.sum(), 1.0)
+    return float(of_all[breakable(case)].sum()), float(of_all[rigid].sum())
 
 
 def fourth_order(case: Case) -> bool:
@@ -73,12 +74,19 @@ def fourth_order(case: Case) -> bool:
     return any((f := case.materials[body.material].fracture) and f.order == 4 for body in case.bodies.values())
 
 
-def outlines(case: Case) -> list[shapely.geometry.base.BaseGeometry]:
+def outlines(case: Case) -> list[BaseGeometry]:
     """Polygons of the bodies less the notches of left-out cells; discs are polygons of many corners."""
-    cut = [shapely.LineString([n.start, n.end]).buffer(0.5 * n.width, cap_style="flat")
-           for n in case.notches if n.kind == "cells"]  # fmt: skip
-    bodies = [b.shape.outline() if b.shape else mesh_outline(b.mesh) for b in case.bodies.values() if b.shape or b.mesh]
-    return [body - shapely.union_all(cut) for body in bodies]
+    notches = [notch for notch in case.notches if notch.kind == "cells"]
+    lines = [(shapely.LineString([notch.start, notch.end]), notch.width) for notch in notches]
+    cut = shapely.union_all([line.buffer(0.5 * width, cap_style="flat") for line, width in lines])
+    return [_outline(body) - cut for body in case.bodies.values()]
+
+
+def _outline(body: Body) -> BaseGeometry:
+    if body.shape:
+        return body.shape.outline()
+    assert body.mesh is not None
+    return mesh_outline(body.mesh)
 
 
 def estimated_cells(case: Case) -> NDArray[np.float64]:

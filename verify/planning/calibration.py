@@ -109,8 +109,12 @@ def _shapes(demand: Demand, iterations: float) -> tuple[str, dict[str, float]]:
     coupled = _coupled(demand)
     if demand.solver == "gmres":  # each system takes so long that nothing else counts
         return "gmres", {"per_unknown": coupled * iterations}
-    shapes = {"per_iteration": 1.0, "per_unknown": coupled, "per_factor": coupled * math.sqrt(demand.unknowns)}
-    shapes["per_point"] = demand.points * (demand.order + 1) ** 4 / 16.0
+    shapes = {
+        "per_iteration": 1.0,
+        "per_point": demand.points * (demand.order + 1) ** 4 / 16.0,  # each adds to the couplings of its functions
+        "per_unknown": coupled,
+        "per_factor": coupled * math.sqrt(demand.unknowns),
+    }
     return demand.solver, {"per_run": 1.0} | {name: shape * iterations for name, shape in shapes.items()}
 
 

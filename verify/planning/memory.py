@@ -1,5 +1,7 @@
 """Runs that need more memory than the machine has are refused before anything of them is made."""
 
+from typing import Any
+
 import psutil
 
 from cases import Case, UserError
@@ -20,22 +22,24 @@ def check_memory(case: Case, cells: int, cost: Cost) -> None:
     if cost.memory_mb <= there:
         return
     key, value = _cause(case)
+    needs = f"{cost.memory_mb / 1e3:.3g} GB of memory are needed and this machine has {there / 1e3:.3g} GB"
     raise TooLargeError(
-        f"{case.source}: {key} = {value:g} gives about {cells:.2g} cells, for which {cost.memory_mb / 1e3:.3g} GB of memory"
-        f" are needed and this machine has {there / 1e3:.3g} GB; make it larger."
+        f"{case.source}: {key} = {value:g} gives about {cells:.2g} cells, for which {needs}; make it larger."
     )
 
 
 def _cause(case: Case) -> tuple[str, float]:
     """Key and value of the spacing, or of its growth, without which the grid would have the fewest cells."""
     mesh = case.mesh
-    without = {("mesh.h", mesh.h): {"h": 2.0 * mesh.h}}
-    without |= {("mesh.growth", mesh.growth): {"growth": max(mesh.growth, Mesh.model_fields["growth"].default)}}
+    usual = max(mesh.growth, Mesh.model_fields["growth"].default)
+    without: dict[tuple[str, float], dict[str, Any]] = {
+        ("mesh.h", mesh.h): {"h": 2.0 * mesh.h},
+        ("mesh.growth", mesh.growth): {"growth": usual},
+    }
     for number, box in enumerate(mesh.refine):
-        others = (*mesh.refine[:number], *mesh.refine[number + 1 :])
-        without[f"mesh.refine[{number}].h", box.h] = {"refine": others}
+        without[f"mesh.refine[{number}].h", box.h] = {"refine": mesh.refine[:number] + mesh.refine[number + 1 :]}
 
-    def cells(change: dict[str, object]) -> int:
+    def cells(change: dict[str, Any]) -> int:
         """Cells with a changed mesh."""
         return count_cells(case.model_copy(update={"mesh": mesh.model_copy(update=change)}))
 
