@@ -253,6 +253,9 @@ def run_command(
         int, typer.Option("--threads", min=1, help="threads of all jobs together; on a cluster, of each")
     ] = DEFAULT_THREADS,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", min=0.0, help="seconds after which a run is given up; it can be resumed")
+    ] = None,
     accuracy: AccuracyOption = None,
     cluster: ClusterOption = None,
 ) -> None:
@@ -266,7 +269,7 @@ def run_command(
 
     each = threads if cluster else max(1, threads // jobs)
     todo = [
-        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume)
+        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
         for named in _named_runs(case, tier, run_names)
     ]
     for job in todo:
