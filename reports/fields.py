@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
-from fem_reference.quality import scaled_jacobian
+from numerics.element_quality import scaled_jacobian
 
 from . import style
 from .outlines import cells_in, draw_outlines, fit_axes, shade_bodies
