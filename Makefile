@@ -8,7 +8,7 @@ OUT ?= reports/out
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install verify charts test lint clean
+.PHONY: help install verify charts test lint readme clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,9 @@ lint: .venv/installed ## style, types and the import contract
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+readme: .venv/installed ## write the recorded times and ratios of docs/measured.toml into README.md
+	$(BIN)/python -c 'from pathlib import Path; from reports.pages import write_marked; write_marked(Path("README.md"), Path("docs/measured.toml"))'
 
 clean: ## remove the results, the virtual environment and all caches
 	rm -rf .venv $(OUT) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

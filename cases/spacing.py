@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cases.case import Case
 from cases.notches import CellsNotch, HistoryNotch, Notch
-from cases.schema import Case
 
 Array = NDArray[np.float64]
 

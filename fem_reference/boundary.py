@@ -9,19 +9,20 @@ from cases import Case
 from fem_reference.mesh.arrays import MeshError
 from physics.exact import MOTIONS
 
-COMPONENTS: dict[str | None, int] = {"x": 0, "y": 1}
+DIRECTIONS: dict[str | None, int] = {"x": 0, "y": 1, "phase": 2}
 
 
 class NodeConstraints:
     """Which displacement and phase field unknowns are prescribed or tied, and to what.
 
-    Displacement unknowns are numbered 2 node + component. Where two constraints meet, the later one in the
-    case file holds.
+    Displacement unknowns are numbered 2 node + component. Two constraints may meet at a node where they ask the same of
+    it. Raises MeshError for a constraint that holds no node and for two that contradict each other.
 
     Attributes
     ----------
-    equations : (2 n_nodes,) equation number, -1 where prescribed, shared where tied.
-    phase_equations : (n_nodes,) the same for the phase field.
+    equations : (2 n_nodes,) equation number, -1 where prescribed, shared where tied; ``size`` is their number.
+    prescribed : (2 n_nodes,) displacement unknowns without an equation.
+    phase_prescribed, phase_value : (n_nodes,) where the phase field is held, and at what; 1 elsewhere.
     """
 
     def __init__(self, case: Case, nodes: NDArray) -> None:
@@ -32,34 +33,49 @@ class NodeConstraints:
         self.phase_value = np.ones(n_nodes)
         prescribed, phase_prescribed = np.zeros(2 * n_nodes, bool), np.zeros(n_nodes, bool)
         master, tied = np.arange(2 * n_nodes), np.zeros(2 * n_nodes, bool)
-        tolerance = 1e-6 * case.mesh.h
-        for constraint in case.constraints:
-            selected = np.flatnonzero(
-                case.boundaries[constraint.on].select(nodes, tolerance, box=case.bounding_box())
-            )
+        holder = np.full((3, n_nodes), -1)
+        for number, constraint in enumerate(case.constraints):
+            selected = self._nodes_of(number)
+            self._refuse_contradictions(holder, number, selected)
             if constraint.motion is not None:
                 self._motions.append((constraint.motion, selected))
                 prescribed[2 * selected] = prescribed[2 * selected + 1] = True
             elif constraint.direction == "phase":
                 phase_prescribed[selected], self.phase_value[selected] = True, constraint.value
             else:
-                unknowns = 2 * selected + COMPONENTS[constraint.direction]
+                unknowns = 2 * selected + DIRECTIONS[constraint.direction]
                 if constraint.tied:
                     master[unknowns], tied[unknowns] = unknowns[0], True
                 else:
                     prescribed[unknowns] = True
                     self._scale[unknowns], self._value[unknowns] = constraint.scale or 0.0, constraint.value or 0.0
-        both = np.flatnonzero(prescribed & tied)
-        if len(both):
-            place = nodes[both[0] // 2].tolist()
-            raise MeshError(
-                f"{case.source}: constraints: the node at {place} is both tied and prescribed in the same direction;"
-                " leave it out of one of the two boundary sets"
-            )
         self.prescribed, self.phase_prescribed = prescribed, phase_prescribed
         self.equations = _number(prescribed, master)
-        self.phase_equations = _number(phase_prescribed, np.arange(n_nodes))
-        self.size, self.phase_size = int(self.equations.max()) + 1, int(self.phase_equations.max()) + 1
+        self.size = int(self.equations.max()) + 1
+
+    def _nodes_of(self, number: int) -> NDArray:
+        """Nodes (n,) that a constraint holds."""
+        case, on = self._case, self._case.constraints[number].on
+        selected = np.flatnonzero(case.boundaries[on].select(self._nodes, 1e-6 * case.mesh.h, box=case.bounding_box()))
+        if not len(selected):
+            raise MeshError(
+                f"{case.source}: constraints[{number}].on = '{on}': no node of the mesh lies on it, so it would hold"
+                " nothing; move it onto a body, or make mesh.h smaller than it"
+            )
+        return selected
+
+    def _refuse_contradictions(self, holder: NDArray, number: int, selected: NDArray) -> None:
+        """Note in ``holder`` (3, n_nodes) which constraint holds x, y and the phase field of each node."""
+        constraint = self._case.constraints[number]
+        for direction in (0, 1) if constraint.motion else (DIRECTIONS[constraint.direction],):
+            for other in np.unique(holder[direction, selected]):
+                if other >= 0 and not constraint.asks_the_same(self._case.constraints[other]):
+                    place = self._nodes[selected[holder[direction, selected] == other][0]].tolist()
+                    raise MeshError(
+                        f"{self._case.source}: constraints[{other}] and constraints[{number}] hold the node at {place}"
+                        " in the same direction and contradict each other; leave it out of one of the two boundary sets"
+                    )
+            holder[direction, selected] = number
 
     def prescribed_values(self, load: float) -> NDArray:
         """Values (2 n_nodes,) at a load; only the prescribed ones mean anything."""
@@ -72,12 +88,9 @@ class NodeConstraints:
     def prescribed_velocity(self) -> NDArray:
         """Velocities (2 n_nodes,) of the prescribed unknowns of a moving case [length/time], zero elsewhere."""
         velocity = np.zeros(2 * len(self._nodes))
-        tolerance = 1e-6 * self._case.mesh.h
-        for constraint in self._case.constraints:
+        for number, constraint in enumerate(self._case.constraints):
             if constraint.velocity is not None:
-                box = self._case.bounding_box()
-                selected = np.flatnonzero(self._case.boundaries[constraint.on].select(self._nodes, tolerance, box=box))
-                velocity[2 * selected + COMPONENTS[constraint.direction]] = constraint.velocity
+                velocity[2 * self._nodes_of(number) + DIRECTIONS[constraint.direction]] = constraint.velocity
         return velocity
 
     def prescribed_rates(self, load: float) -> NDArray:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.bodies import Body
 from cases.geometry import Shape
-from cases.schema import Body
 from cases.spacing import grid_lines
 from numerics.description import outlines
 
@@ -48,7 +48,7 @@ def place_points(case: Case) -> PointCloud:
     corner = (widths * (lower - local)).reshape(-1, 2)
     volume = size.prod(axis=1) * case.plane.thickness
     body = case.inside(positions)
-    kept = (body >= 0) & ~_in_notch(case, positions)
+    kept = (body >= 0) & ~case.left_out(positions)
     return PointCloud(positions[kept], volume[kept], size[kept], corner[kept], body[kept])
 
 
@@ -78,7 +78,7 @@ def _place_in_body(case: Case, number: int) -> tuple[NDArray, ...]:
         positions = (lower + width * (cells + local)).reshape(-1, 2)
         size = np.broadcast_to(width * extent, (len(cells), *extent.shape[1:])).reshape(-1, 2)
         corner = np.broadcast_to(width * (start - local), (len(cells), *extent.shape[1:])).reshape(-1, 2)
-    kept = (case.inside(positions) == number) & ~_in_notch(case, positions)
+    kept = (case.inside(positions) == number) & ~case.left_out(positions)
     volume = size.prod(axis=1) * case.plane.thickness
     return positions[kept], volume[kept], size[kept], corner[kept], np.full(kept.sum(), number)
 
@@ -154,17 +154,3 @@ def _local_points(case: Case, n_cells: int) -> tuple[NDArray, NDArray, NDArray]:
     points, lower, extent = pairs
     # one cell stands for all
     return points, np.repeat(lower, n_cells, axis=0), np.repeat(extent, n_cells, axis=0)
-
-
-def _in_notch(case: Case, positions: NDArray) -> NDArray:
-    """Points (n,) in the notches that are left out of the body."""
-    out = np.zeros(len(positions), bool)
-    for notch in case.notches:
-        if notch.kind == "cells":
-            start, end = np.array(notch.start, float), np.array(notch.end, float)
-            length = np.linalg.norm(end - start)
-            tangent = (end - start) / length
-            along = (positions - start) @ tangent
-            across = (positions - start) @ np.array([-tangent[1], tangent[0]])
-            out |= (along >= 0) & (along <= length) & (np.abs(across) <= 0.5 * notch.width)
-    return out

@@ -108,7 +108,7 @@ def test_a_node_both_tied_and_prescribed_is_refused(variant, solver):
             {"on": "right", "direction": "y", "tied": True},
         ], boundaries={"right": {"edge": "right"}},
     )  # fmt: skip
-    with pytest.raises(CaseError, match="both tied and prescribed"):
+    with pytest.raises(CaseError, match="contradict each other"):
         march(solver, case)
 
 

@@ -8,6 +8,7 @@ import io
 import json
 import math
 import re
+import shlex
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -91,7 +92,9 @@ def reproduce_command(case: Case) -> str:
 
     if case.name in list_cases() and load_case(case.name).source == case.source:
         return f"make verify CASE={case.name} TIER={case.tier}"
-    return f"verify run {case.source} --tier {case.tier} && verify compare {case.source} --tier {case.tier}"
+    here, source = Path.cwd(), Path(case.source).resolve()
+    asked = f"{shlex.quote(str(source.relative_to(here) if source.is_relative_to(here) else source))} --tier {case.tier}"
+    return f"verify run {asked} && verify compare {asked}"
 
 
 def _run_entry(state: RunState, out: Path) -> Json:

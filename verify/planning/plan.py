@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cases import Case, load_case
+from cases.bodies import Body
 from cases.judging import merge
-from cases.schema import Body
 from cases.spacing import count_cells
 from numerics.description import Description, describe
 from verify.planning.calibration import Cost, Demand, demand_of, predict

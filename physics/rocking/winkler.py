@@ -1,0 +1,235 @@
+"""A rigid block on a Winkler foundation: one-sided distributed springs and dampers, friction, uplift, sliding and flight.
+
+The point at ``s`` of the base, -b to b, is ``d = h cos theta - y - s sin theta`` deep in the ground and sinks at the rate
+``e = -y' - theta' (h sin theta + s cos theta)``. Where d > 0 it is pushed up by ``q = max(0, k d + c e)`` per length:
+
+    N = ∫ q ds,   M = ∫ q (s cos theta + h sin theta) ds,
+    m x'' = -m a + F,   m y'' = -m g + N,   I theta'' = M + (h cos theta - s_c sin theta) F,
+
+with the friction ``F = -K xi - C v`` of an elastic slip xi at the centre s_c of the pressure, returned to |F| <= mu N.
+Positive angles turn counter-clockwise here; motions are told with the pendulum's sign, positive towards +x.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from physics.rocking.block import Block
+from physics.rocking.ground import GroundMotion, acceleration
+from physics.rocking.motion import OVERTURNED, RockingMotion, verdict_of
+
+#: an impact is a change of the angle's sign that goes on beyond this [degrees]
+IMPACT_ANGLE = 0.1
+#: impacts of the free motion after which a block that still stands is safe (thesis 7.3.2.1)
+SAFE_IMPACTS = 2
+#: time that is followed after the ground has come to rest [s]
+PATIENCE = 15.0
+#: step of the integration over the smallest period of the block on its springs
+STEP_SHARE = 1.0 / 200.0
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """The ground under a slice one metre thick.
+
+    Attributes
+    ----------
+    stiffness : k of the vertical springs per length of the base [N/m²]. damping : c of the dampers [N s/m²].
+    friction : Coulomb's coefficient.
+    tangential_stiffness : K of the whole base [N/m]; tangential_damping : C [N s/m].
+    """
+
+    stiffness: float
+    damping: float
+    friction: float
+    tangential_stiffness: float
+    tangential_damping: float
+
+
+def half_space(
+    young: float, poisson: float, density: float, width: float, stiffness: float, friction: float
+) -> Foundation:
+    """Foundation of vertical ``stiffness`` [N/m²] whose dampers carry plane waves into a half-space.
+
+    c = rho c_p (pressure waves) and rho c_s (shear waves, times the width); the tangential springs are as stiff as the
+    vertical ones. ``young`` [Pa], ``density`` [kg/m³], ``width`` [m].
+    """
+    shear = young / (2.0 * (1.0 + poisson))
+    pressure = young * (1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    return Foundation(
+        stiffness, math.sqrt(density * pressure), friction, stiffness * width, width * math.sqrt(density * shear)
+    )
+
+
+class _Constants(NamedTuple):
+    """What the compiled loop needs."""
+
+    b: float
+    h: float
+    mass: float
+    inertia: float
+    gravity: float
+    k: float
+    c: float
+    mu: float
+    K: float
+    C: float
+    fallen: float
+    impact: float
+
+
+class _State(NamedTuple):
+    """Centre (x, y) in the moving frame, angle, their rates, and the elastic slip."""
+
+    x: float
+    y: float
+    angle: float
+    vx: float
+    vy: float
+    rate: float
+    slip: float
+
+
+@dataclass(frozen=True)
+class WinklerBlock:
+    """A rigid block on a foundation; ``step`` [s] of the integration, a small share of its fastest period without."""
+
+    block: Block
+    foundation: Foundation
+    step: float | None = None
+
+    @property
+    def time_step(self) -> float:
+        """Step of the integration [s]."""
+        if self.step is not None:
+            return self.step
+        fastest = max(self.foundation.stiffness * self.block.width, self.foundation.tangential_stiffness)
+        # a corner lifts with the block's mass and its inertia
+        omega = math.sqrt(4.0 * fastest / self.block.mass)
+        return STEP_SHARE * 2.0 * math.pi / omega
+
+    @property
+    def _constants(self) -> _Constants:
+        block, ground = self.block, self.foundation
+        return _Constants(
+            0.5 * block.width, 0.5 * block.height, block.mass, block.inertia, block.gravity, ground.stiffness,
+            ground.damping, ground.friction, ground.tangential_stiffness, ground.tangential_damping,
+            math.radians(OVERTURNED), math.radians(IMPACT_ANGLE),
+        )  # fmt: skip
+
+    def respond(self, ground: GroundMotion, stop_when_settled: bool = True, every: int = 1) -> RockingMotion:
+        """The motion from rest on the ground under a ground motion.
+
+        stop_when_settled : end after `SAFE_IMPACTS` impacts of the free motion, or where the block has fallen
+        every : steps between the rows that are kept
+        """
+        last = ground.end + PATIENCE
+        rows, impacts, overturned = _respond(self._constants, ground, self.time_step, last, stop_when_settled, every)
+        verdict = verdict_of(overturned, len(impacts))
+        return RockingMotion(rows[:, 0], -rows[:, 1], -rows[:, 2], verdict, float(rows[-1, 0]), impacts)
+
+
+@njit(cache=True)
+def _pressure(c, depth, sink, sine, slope):
+    """Force N and first moment ∫ q s ds of the pressure q = k d + c e where both d and q are positive.
+
+    d = depth - s sine and e = sink - s slope are linear in s, so that the base is pressed over one interval.
+    """
+    low, high = -c.b, c.b
+    constant, linear = c.k * depth + c.c * sink, -(c.k * sine + c.c * slope)
+    for level, rise in ((depth, -sine), (constant, linear)):
+        if rise == 0.0:
+            if level <= 0.0:
+                return 0.0, 0.0
+        elif rise > 0.0:
+            low = max(low, -level / rise)
+        else:
+            high = min(high, -level / rise)
+    if low >= high:
+        return 0.0, 0.0
+    first, second, third = high - low, 0.5 * (high**2 - low**2), (high**3 - low**3) / 3.0
+    return constant * first + linear * second, constant * second + linear * third
+
+
+@njit(cache=True)
+def _forces(c, s):
+    """Normal force, its moment, lever and velocity of the friction at the centre of pressure."""
+    sine, cosine = math.sin(s.angle), math.cos(s.angle)
+    depth, sink = c.h * cosine - s.y, -s.vy - s.rate * c.h * sine
+    normal, moment = _pressure(c, depth, sink, sine, s.rate * cosine)
+    if normal <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    centre = moment / normal
+    lever = c.h * cosine - centre * sine
+    return normal, moment * cosine + normal * c.h * sine, lever, s.vx + s.rate * lever
+
+
+@njit(cache=True)
+def _accelerations(c, ground, time, s):
+    """x'', y'', theta'' and the rate of the elastic slip."""
+    normal, moment, lever, velocity = _forces(c, s)
+    friction, slip_rate = 0.0, velocity
+    if normal > 0.0:
+        trial, limit = -c.K * s.slip - c.C * velocity, c.mu * normal
+        friction = min(max(trial, -limit), limit)
+        if friction != trial:
+            # the dashpot carries what the spring does not: the spring relaxes towards the limit
+            slip_rate = -(friction + c.K * s.slip) / c.C if c.C > 0.0 else 0.0
+    ax = -acceleration(ground, time) + friction / c.mass
+    ay = -c.gravity + normal / c.mass
+    return ax, ay, (moment + lever * friction) / c.inertia, slip_rate, normal
+
+
+@njit(cache=True)
+def _moved(s, d, step):
+    return _State(
+        s.x + step * d.x, s.y + step * d.y, s.angle + step * d.angle, s.vx + step * d.vx, s.vy + step * d.vy,
+        s.rate + step * d.rate, s.slip + step * d.slip,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _rate_of(c, ground, time, s):
+    ax, ay, turning, slip_rate, _ = _accelerations(c, ground, time, s)
+    return _State(s.vx, s.vy, s.rate, ax, ay, turning, slip_rate)
+
+
+@njit(cache=True)
+def _respond(c, ground, step, last, stop_when_settled, every):
+    """Rows of time, angle, rate (n, 3); times of impacts; whether the block falls."""
+    rest = c.h - c.mass * c.gravity / (2.0 * c.b * c.k)
+    s = _State(0.0, rest, 0.0, 0.0, 0.0, 0.0, 0.0)
+    rows, impacts, free_impacts, side = [(0.0, 0.0, 0.0)], [0.0 for _ in range(0)], 0, 0.0
+    crossed = 0.0
+    for number in range(math.ceil(last / step)):
+        time = number * step
+        d1 = _rate_of(c, ground, time, s)
+        d2 = _rate_of(c, ground, time + 0.5 * step, _moved(s, d1, 0.5 * step))
+        d3 = _rate_of(c, ground, time + 0.5 * step, _moved(s, d2, 0.5 * step))
+        d4 = _rate_of(c, ground, time + step, _moved(s, d3, step))
+        before = s.angle
+        s = _moved(_moved(_moved(_moved(s, d1, step / 6.0), d2, step / 3.0), d3, step / 3.0), d4, step / 6.0)
+        time += step
+        if _accelerations(c, ground, time, s)[4] <= 0.0:
+            s = _State(s.x, s.y, s.angle, s.vx, s.vy, s.rate, 0.0)
+        if before * s.angle <= 0.0:
+            crossed = time
+        if abs(s.angle) > c.impact:
+            now = math.copysign(1.0, s.angle)
+            if side * now < 0.0:
+                impacts.append(crossed)
+                free_impacts += crossed > ground.end
+            side = now
+        if (number + 1) % every == 0:
+            rows.append((time, s.angle, s.rate))
+        if abs(s.angle) >= c.fallen:
+            rows.append((time, s.angle, s.rate))
+            return np.array(rows), impacts, True
+        if stop_when_settled and free_impacts >= SAFE_IMPACTS:
+            break
+    return np.array(rows), impacts, False

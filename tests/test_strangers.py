@@ -1,0 +1,95 @@
+"""Cases as strangers bring them: both solvers give the right value, or one sentence says what to change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from cases import Case, CaseError, case_from_tables
+from verify.runs.running import DISCRETISATIONS, solver_records
+
+PLATE: dict[str, Any] = {
+    "title": "Plate",
+    "requirement": "Both solvers give the right force.",
+    "units": {"length": "mm", "force": "kN"},
+    "plane": {"assumption": "strain", "thickness": 1.0},
+    "materials": {"steel": {"young": 210.0, "poisson": 0.3}},
+    "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [2, 1]}}}},
+    "boundaries": {"corner": {"point": [1.0, 0.0]}},
+    "constraints": [
+        {"on": "bottom", "direction": "y", "value": 0},
+        {"on": "corner", "direction": "x", "value": 0},
+        {"on": "top", "direction": "y", "scale": 1},
+    ],
+    "load": {"path": [0.0, 0.001], "increment": 1e-3},
+    "mesh": {"h": 0.05},
+    "mpm": {"order": 1},
+    "runs": {"fem": {"solver": "fem"}, "mpm": {"solver": "mpm"}},
+}
+
+
+def plate(solver: str, **changes: Any) -> Case:
+    """The elastic plate with other tables."""
+    return case_from_tables({**PLATE, **changes}, tier="standard", run=solver)
+
+
+def force(case: Case, solver: str) -> float:
+    """Force at the end of the load path."""
+    *_, last = solver_records(DISCRETISATIONS[solver](case), case)
+    assert last.is_good
+    return last.row()["F"]
+
+
+def slit(start: float, end: float, y: float = 0.5) -> dict[str, Any]:
+    return {"kind": "slit", "start": [start, y], "end": [end, y]}
+
+
+@pytest.mark.parametrize(
+    "notches",
+    [
+        [slit(0.0, 0.5), slit(1.5, 2.0)],
+        [slit(0.25, 0.75), slit(1.25, 1.75)],
+        [slit(0.0, 0.5), slit(1.0, 1.25), slit(1.5, 2.0)],
+        [slit(0.0, 0.5, 0.25), slit(0.0, 0.5, 0.75)],
+        [slit(0.0, 0.5), {"kind": "slit", "start": [1.0, 0.25], "end": [1.0, 0.75]}],
+    ],
+)
+def test_every_slit_is_open_in_both_solvers(notches):
+    whole = force(plate("fem"), "fem")
+    fem, mpm = (force(plate(solver, notches=notches), solver) for solver in ("fem", "mpm"))
+    assert fem < 0.98 * whole
+    assert mpm == pytest.approx(fem, rel=5e-3)
+
+
+def test_two_notches_on_one_line_have_the_stiffness_of_a_fine_mesh():
+    notches = [slit(0.0, 0.5), slit(1.5, 2.0)]
+    assert force(plate("mpm", notches=notches), "mpm") == pytest.approx(0.2736, rel=0.02)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize("place", [{"point": [0.03, -1.0]}, {"box": {"lower": [2.5, 0.3], "upper": [2.6, 0.45]}}])
+def test_a_constraint_that_holds_nothing_is_refused(solver, place):
+    constraints = [*PLATE["constraints"], {"on": "nowhere", "direction": "x", "value": 0}]
+    case = plate(solver, boundaries={**PLATE["boundaries"], "nowhere": place}, constraints=constraints)
+    with pytest.raises(CaseError, match="nowhere"):
+        DISCRETISATIONS[solver](case)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_constraints_that_contradict_each_other_in_a_corner_are_refused(solver):
+    constraints = [
+        {"on": "left", "direction": "y", "value": 0},
+        {"on": "left", "direction": "x", "value": 0},
+        {"on": "top", "direction": "y", "scale": 1},
+    ]
+    for order in (constraints, constraints[::-1]):
+        with pytest.raises(CaseError, match="contradict each other"):
+            DISCRETISATIONS[solver](plate(solver, constraints=order))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_constraints_may_meet_where_they_ask_the_same(solver):
+    bottom, _, top = PLATE["constraints"]
+    held = [{"on": edge, "direction": "x", "value": 0} for edge in ("left", "top")]
+    assert force(plate(solver, constraints=[bottom, *held, top]), solver) > 0.0
