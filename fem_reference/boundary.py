@@ -20,8 +20,9 @@ class NodeConstraints:
 
     Attributes
     ----------
-    equations : (2 n_nodes,) equation number, -1 where prescribed, shared where tied.
-    phase_equations : (n_nodes,) the same for the phase field.
+    equations : (2 n_nodes,) equation number, -1 where prescribed, shared where tied; ``size`` is their number.
+    prescribed : (2 n_nodes,) displacement unknowns without an equation.
+    phase_prescribed, phase_value : (n_nodes,) where the phase field is held, and at what; 1 elsewhere.
     """
 
     def __init__(self, case: Case, nodes: NDArray) -> None:
@@ -50,8 +51,7 @@ class NodeConstraints:
                     self._scale[unknowns], self._value[unknowns] = constraint.scale or 0.0, constraint.value or 0.0
         self.prescribed, self.phase_prescribed = prescribed, phase_prescribed
         self.equations = _number(prescribed, master)
-        self.phase_equations = _number(phase_prescribed, np.arange(n_nodes))
-        self.size, self.phase_size = int(self.equations.max()) + 1, int(self.phase_equations.max()) + 1
+        self.size = int(self.equations.max()) + 1
 
     def _nodes_of(self, number: int) -> NDArray:
         """Nodes (n,) that a constraint holds."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cases import Case
 from fem_reference.element_basis import ElementBasis
 from fem_reference.mesh.arrays import Floats, Integers, MeshError, kinds_of
+from fem_reference.phase_field_kernels import SmoothValues
 
 #: part of an element's size by which its corners may miss a rectangle
 RECTANGULAR = 1e-6
@@ -67,6 +68,10 @@ class SmoothBasis:
         except MeshError as problem:
             raise MeshError(f"{case.source}: {problem}") from None
 
+    def values(self, elements: NDArray | slice = slice(None)) -> SmoothValues:
+        """The functions of the chosen elements, as compiled loops take them."""
+        return SmoothValues(self.unknowns[elements], self.kind[elements], self.value, self.slope, self.curvature)
+
     def forms(self, volume: NDArray) -> tuple[NDArray, NDArray]:
         """Integrals of the products of slopes and of second derivatives, upper halves (n_kinds, 136), from the
         volumes (n_elements, n_gauss)."""
@@ -84,14 +89,8 @@ class SmoothBasis:
 
     @staticmethod
     def spread(at_nodes: NDArray) -> NDArray:
-        """Unknowns (4 n_nodes,) of values at the nodes with no slope there."""
+        """Unknowns (4 n_nodes,) of values at the nodes with no slope there; a held node holds its slope too, Eq. 5.11."""
         return np.repeat(at_nodes, 4)
-
-    @staticmethod
-    def number(equations: NDArray) -> NDArray:
-        """Equation numbers (4 n_nodes,) from those of the nodes (n_nodes,): a held node holds its slope too, Eq. 5.11."""
-        four = 4 * equations[:, None] + np.arange(4)
-        return np.where(equations[:, None] < 0, -1, four).reshape(-1).astype(np.int32)
 
 
 def _sizes(nodes: Floats, elements: Integers) -> NDArray:

@@ -23,7 +23,7 @@ class LostPointsError(NewtonError):
     """Material points have left the grid: no increment finds equilibrium there."""
 
 
-class Slit:
+class GridSlit:
     """An axis-parallel crack of no width on a grid line.
 
     ``normal`` is the direction across it (0 for x, 1 for y), ``position`` its place there, ``start`` and ``end``
@@ -68,7 +68,7 @@ class Grid:
         self._box, self._source = (lower, upper), case.source
         self._check_notches_part_functions(case)
         self.slits = [
-            Slit(case.source, np.array(n.start, float), np.array(n.end, float), lower, upper)
+            GridSlit(case.source, np.array(n.start, float), np.array(n.end, float), lower, upper)
             for n in case.notches
             if n.kind == "slit"
         ]
@@ -125,7 +125,7 @@ class Grid:
         shape = tuple(axis.n_functions for axis in self.axes)
         numbers = np.arange(shape[0] * shape[1]).reshape(shape)
         # what one slit leaves joined another on the same line may open
-        lines: dict[tuple[int, int], list[Slit]] = {}
+        lines: dict[tuple[int, int], list[GridSlit]] = {}
         for slit in self.slits:
             lines.setdefault((slit.normal, self.line_of(slit)), []).append(slit)
         pairs = [self._pairs_to_join(slits, numbers) for slits in lines.values()]
@@ -140,7 +140,7 @@ class Grid:
         ranks[np.argsort(first)] = np.arange(count)
         return ranks[labels].reshape(shape), count
 
-    def _pairs_to_join(self, slits: list[Slit], numbers: NDArray) -> NDArray:
+    def _pairs_to_join(self, slits: list[GridSlit], numbers: NDArray) -> NDArray:
         """Pairs (2, n) of functions below and above the line of these slits that none of them parts."""
         first = slits[0]
         across, along = self.axes[first.normal], self.axes[1 - first.normal]
@@ -179,7 +179,7 @@ class Grid:
             np.maximum(across, line, out=across, where=side > 0)
         return cells[0], cells[1]
 
-    def line_of(self, slit: Slit) -> int:
+    def line_of(self, slit: GridSlit) -> int:
         """Number of the grid line that a slit lies on."""
         return _line_index(self.axes[slit.normal].breakpoints, slit.position)
 

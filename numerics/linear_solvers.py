@@ -22,8 +22,6 @@ except ImportError:  # platforms without MKL
 
 #: relative size of the value that keeps unknowns without stiffness (empty cells, broken material) solvable
 EMPTY_DIAGONAL = 1e-10
-#: unknowns whose diagonal is below this share of the usual one matter to nobody, whatever their values
-BARELY_SEEN = 1e-6
 
 
 class LinearSolverError(RuntimeError):
@@ -248,15 +246,4 @@ def lift_empty_diagonal(pattern: SymmetricPattern, values: NDArray) -> NDArray:
     """Give unknowns without stiffness a small diagonal, in place; residuals are never touched by it."""
     diagonal = values[pattern.diagonal]
     values[pattern.diagonal] = diagonal + EMPTY_DIAGONAL * diagonal.max()
-    return values
-
-
-def keep_barely_seen(pattern: SymmetricPattern, values: NDArray) -> NDArray:
-    """`lift_empty_diagonal` that gives unknowns with next to no stiffness a usual diagonal: a correction leaves them.
-
-    Few points at the far edge of their cells determine the values of the functions beyond it badly: these would run away.
-    """
-    diagonal = values[pattern.diagonal]
-    usual = np.median(diagonal[diagonal > 0.0])
-    lift_empty_diagonal(pattern, values)[pattern.diagonal[diagonal < BARELY_SEEN * usual]] = usual
     return values

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 
-from .staggered import EQUILIBRIUM_SHARE, Discretisation, StepOutcome, remaining_distance, updated_history
+from .staggered import EQUILIBRIUM_SHARE, QuasiStaticDiscretisation, StepOutcome, remaining_distance, updated_history
 
 #: the fracture energy meets its target within this share of the increment of it
 ENERGY_SHARE = 1e-5
@@ -18,7 +18,7 @@ EVALUATIONS = 8
 
 
 def dissipation_step(
-    discretisation: Discretisation, case: Case, load: float, advance: float
+    discretisation: QuasiStaticDiscretisation, case: Case, load: float, advance: float
 ) -> tuple[StepOutcome, float]:
     """Solve for the load at which the fracture energy has grown by ``advance``; the outcome and that load.
 
@@ -48,7 +48,7 @@ def dissipation_step(
 
 
 def _factor(
-    discretisation: Discretisation,
+    discretisation: QuasiStaticDiscretisation,
     case: Case,
     committed: NDArray,
     tensile_energy: NDArray,

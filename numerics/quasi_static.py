@@ -13,7 +13,7 @@ from cases import Case
 from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
 from .refinement import FollowingDiscretisation
-from .staggered import Discretisation, NewtonError, StepOutcome, staggered_step
+from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, staggered_step
 from .status import RunStatus
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
@@ -27,8 +27,28 @@ SHRINKING = 0.25
 LARGEST_FALL = 0.05
 #: why an increment is undone although it was solved
 TOO_FAR = "crack advances too far"
+#: why the iterations of an increment end that is accepted nevertheless
+BROKEN_THROUGH = "broken through"
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
+
+
+@dataclass(frozen=True)
+class MarchState:
+    """What the march along the load path needs to go on from an increment.
+
+    Attributes
+    ----------
+    leg : number of the path's target
+    next_size : of the increment to come [unit of the load parameter]
+    peak : largest force so far
+    controlled : the fracture energy leads, not the load
+    """
+
+    leg: int = 0
+    next_size: float = 0.0
+    peak: float = 0.0
+    controlled: bool = False
 
 
 @dataclass(frozen=True)
@@ -36,8 +56,6 @@ class Increment:
     """One accepted increment: the discretisation holds its state while the increment is being listened to.
 
     ``u`` is the load parameter, ``F`` the force conjugate to it; ``share`` is the part of the load path done.
-    ``leg``, ``next_size``, ``peak`` and ``controlled`` are what the march needs to go on from here: the number of the
-    path's target, the size of the next increment, the largest force so far, whether the fracture energy leads.
     """
 
     step: int
@@ -53,10 +71,7 @@ class Increment:
     status: RunStatus
     share: float
     reason: str = ""
-    leg: int = 0
-    next_size: float = 0.0
-    peak: float = 0.0
-    controlled: bool = False
+    march: MarchState = MarchState()
 
     @property
     def is_last(self) -> bool:
@@ -91,9 +106,9 @@ class Increment:
 
 
 def increments(
-    discretisation: Discretisation, case: Case, after: Increment | None = None
+    discretisation: QuasiStaticDiscretisation, case: Case, after: Increment | None = None
 ) -> Iterator[Increment]:
-    """Follow the load path of the case; yields the unloaded state first, then each accepted increment.
+    """Follow the load path of the case; yields the first state, then each accepted increment.
 
     The last increment's status tells how it ended: complete (path done), broken through, or no convergence (the state
     is the last good one, ``reason`` says why). ``after`` goes on behind an increment
@@ -102,143 +117,197 @@ def increments(
     return _LoadPath(discretisation, case, after).follow()
 
 
-class _LoadPath:
-    """State of the march along the load path."""
+@dataclass(frozen=True)
+class _Limits:
+    """What an increment of a case may do.
 
-    def __init__(self, discretisation: Discretisation, case: Case, after: Increment | None) -> None:
-        self.discretisation, self.case = discretisation, case
-        self.load = case.load.path[0]
-        self.increment = case.load.increment
-        self.length = float(np.abs(np.diff(case.load.path)).sum()) or 1.0
-        #: decimals of a load: enough for the smallest increments, too few for the sums' round-off
-        self.digits = 12 - int(np.ceil(np.log10(self.length)))
-        self.done = 0.0
-        self.step = 0
-        self.work = 0.0
-        self.peak = 0.0
-        self.last: Increment | None = None
-        self.started = time.perf_counter()
-        self.newton_before = 0
+    Attributes
+    ----------
+    length : of the load path
+    digits : decimals of a load: enough for the smallest increments, too few for the sums' round-off
+    adaptive : increments are grown and cut
+    energy : fracture energy of the largest advance of the crack allowed in one increment
+    """
+
+    length: float
+    digits: int
+    adaptive: bool
+    energy: float
+
+    @classmethod
+    def of(cls, case: Case) -> _Limits:
+        """The limits that a case sets."""
+        length = float(np.abs(np.diff(case.load.path)).sum()) or 1.0
         materials = [case.materials[body.material].fracture for body in case.bodies.values()]
         advances = [f.toughness * f.length_scale for f in materials if f is not None]
-        #: fracture energy of the largest advance allowed in one increment
-        self.energy_limit = case.load.largest_advance * case.plane.thickness * min(advances, default=np.inf)
-        self.adaptive = case.load.adaptive and case.staggered.scheme == "converged"
-        self.dissipative = self.adaptive and case.load.control == "dissipation"
-        #: the fracture energy leads, not the load
-        self.controlled = False
-        self.leg = 0
-        if after is not None:
-            self._go_on(after)
+        return cls(
+            length=length,
+            digits=12 - int(np.ceil(np.log10(length))),
+            adaptive=case.load.adaptive and case.staggered.scheme == "converged",
+            energy=case.load.largest_advance * case.plane.thickness * min(advances, default=np.inf),
+        )
 
-    def _go_on(self, after: Increment) -> None:
-        self.last, self.load, self.increment, self.leg = after, after.u, after.next_size, after.leg
-        self.done, self.step = after.share * self.length, after.step + 1
-        self.work, self.peak, self.controlled = after.external_work, after.peak, after.controlled
-        self.started -= after.seconds
-        self.newton_before = self.discretisation.costs.count["newton"]
+
+class _LoadPath:
+    """The march along the load path."""
+
+    def __init__(self, discretisation: QuasiStaticDiscretisation, case: Case, after: Increment | None) -> None:
+        self.discretisation, self.case, self.last = discretisation, case, after
+        self.limits = _Limits.of(case)
+        self.dissipative = self.limits.adaptive and case.load.control == "dissipation"
+        self.march = after.march if after else MarchState(next_size=case.load.increment)
+        self.done = after.share * self.limits.length if after else 0.0
+        self.started = time.perf_counter() - (after.seconds if after else 0.0)
+        self.newton_before = discretisation.costs.count["newton"]
+
+    @property
+    def load(self) -> float:
+        """Load parameter of the last accepted increment, or the path's first."""
+        return self.last.u if self.last else self.case.load.path[0]
+
+    @property
+    def step(self) -> int:
+        """Number of the increment to come."""
+        return self.last.step + 1 if self.last else 0
 
     def follow(self) -> Iterator[Increment]:
-        """The unloaded state, then each accepted increment."""
+        """The first state, then each accepted increment."""
         if self.last is None:
             yield self._first_state()
         targets = self.case.load.path[1:]
-        while self.leg < len(targets):
-            if self.load == targets[self.leg]:
-                self.leg += 1
+        while self.march.leg < len(targets):
+            target = targets[self.march.leg]
+            if self.load == target:
+                self.march = replace(self.march, leg=self.march.leg + 1)
                 continue
             assert self.last is not None
             if self.last.is_last:
                 return
-            yield self._advance(targets[self.leg])
+            yield self._advance(target)
 
     def _first_state(self) -> Increment:
-        outcome = staggered_step(self.discretisation, self.case, self.load)
-        return self._accept(self.load, outcome)
+        """The state at the path's first load, or the report that there is none."""
+        outcome, problem = self._try(self.case, self.load, cautious=False)
+        if not problem and self.limits.adaptive and self._first_advance(outcome) > self.limits.energy:
+            problem = TOO_FAR
+        if not problem:
+            return self._accept(self.load, outcome)
+        self.discretisation.undo()
+        self.last = Increment(
+            step=0, u=self.load, F=0.0, elastic_energy=0.0, fracture_energy=0.0, external_work=0.0,
+            c_min=float(self.discretisation.phase_field.min()), staggered=outcome.iterations,
+            newton=self.discretisation.costs.count["newton"] - self.newton_before,
+            seconds=time.perf_counter() - self.started, status=RunStatus.NO_CONVERGENCE, share=0.0,
+            reason=f"{problem} in the first state, u = {self.load:g}; begin load.path at a smaller load",
+        )  # fmt: skip
+        return self.last
+
+    def _first_advance(self, outcome: StepOutcome) -> float:
+        """Fracture energy of the first state beyond that of the notches."""
+        discretisation = self.discretisation
+        if np.array_equal(outcome.history_field, discretisation.history_field):
+            return 0.0
+        reached, nodal = discretisation.energies()[1], discretisation.nodal_phase_field
+        discretisation.solve_phase_field(discretisation.history_field)
+        of_notches = discretisation.energies()[1]
+        discretisation.set_phase_field(nodal)
+        return reached - of_notches
 
     def _advance(self, target: float) -> Increment:
         """One accepted increment towards the target, or the report that there is none."""
-        if self.controlled:
+        if self.march.controlled:
             return self._advance_by_dissipation(target)
-        direction = np.sign(target - self.load)
-        if self.step == 1 and self.case.load.prologue:
+        at_once = self._prologue(target) if self.step == 1 and self.case.load.prologue else None
+        return at_once or self._advance_by_load(target)
+
+    def _prologue(self, target: float) -> Increment | None:
+        """The stretch on which nothing breaks, in one increment; None, and back to its start, where something does."""
+        load = round(self.load + self.case.load.prologue * (target - self.load), self.limits.digits)
+        converged = {"staggered": self.case.staggered.model_copy(update={"scheme": "converged"})}
+        outcome, problem = self._try(self.case.model_copy(update=converged), load, cautious=True)
+        if problem:
+            self._undo()
+            return None
+        if self._refine():
             return self._prologue(target)
+        self.done += abs(load - self.load)
+        return self._accept(load, outcome)
+
+    def _advance_by_load(self, target: float) -> Increment:
+        """An increment of the load, cut until it can be accepted."""
+        direction = np.sign(target - self.load)
+        smallest_size = self.case.load.smallest
         while True:
-            size = min(self.increment, abs(target - self.load))
+            size = min(self.march.next_size, abs(target - self.load))
             # do not leave a sliver before the target
             left = abs(target - self.load) - size
-            load = target if left < 1e-9 * self.length else round(self.load + direction * size, self.digits)
-            smallest = size <= self.case.load.smallest * 1.001
-            outcome, problem = self._try(load, smallest)
+            ends = left < 1e-9 * self.limits.length
+            load = target if ends else round(self.load + direction * size, self.limits.digits)
+            smallest = size <= smallest_size * 1.001
+            cautious = self.limits.adaptive and (self.dissipative or not smallest)
+            outcome, problem = self._try(self.case, load, cautious)
             if not problem and self._refine():
                 continue
             if not problem:
                 return self._grow_and_accept(load, outcome)
-            self.discretisation.undo()
             if self.dissipative and problem == TOO_FAR:
+                self.discretisation.undo()
                 return self._advance_by_dissipation(target)
             if smallest or not self.case.load.adaptive:
+                self.discretisation.undo()
                 return self._report_failure(problem)
-            self.increment = max(SHRINKING * size, self.case.load.smallest)
-            self.discretisation.costs.count["undone_increments"] += 1
+            self._undo()
+            self.march = replace(self.march, next_size=max(SHRINKING * size, smallest_size))
 
     def _advance_by_dissipation(self, target: float) -> Increment:
         """An increment of the fracture energy, whatever the load does; the load leads again once it rises freely."""
         start = self.load
         try:
-            outcome, load = dissipation_step(self.discretisation, self.case, start, self.energy_limit)
+            outcome, load = dissipation_step(self.discretisation, self.case, start, self.limits.energy)
         except (NewtonError, LinearSolverError) as error:
             outcome, load = StepOutcome("stalled", self.discretisation.history_field, 0, str(error)), start
         self.discretisation.costs.count["dissipation_increments"] += 1
         if not outcome.reason and self._refine():
             return self._advance_by_dissipation(target)
         rise = (load - start) * np.sign(target - start)
-        self.controlled = rise < self.increment
+        self.march = replace(self.march, controlled=bool(rise < self.march.next_size))
         if outcome.reason:
             self.discretisation.undo()
             return self._report_failure(outcome.reason)
         if rise > abs(target - start):
             # the path ends before the advance is paid: the load leads to its end
             self.discretisation.undo()
-            self.dissipative = self.controlled = False
+            self.dissipative, self.march = False, replace(self.march, controlled=False)
             return self._advance(target)
         self.done = max(self.done, abs(load - self.case.load.path[0]))
-        broken = self._broken(self.discretisation.reaction_force())
-        return self._accept(load, outcome, RunStatus.BROKEN_THROUGH if broken else RunStatus.COMPLETE)
+        return self._accept(load, outcome)
 
     def _refine(self) -> bool:
         """Whether the crack has left the fine cells: then there are more, and the last good state is on them."""
         return isinstance(self.discretisation, FollowingDiscretisation) and self.discretisation.refine()
 
-    def _prologue(self, target: float) -> Increment:
-        """The stretch on which nothing breaks, in one increment."""
-        load = round(self.load + self.case.load.prologue * (target - self.load), self.digits)
-        converged = {"staggered": self.case.staggered.model_copy(update={"scheme": "converged"})}
-        outcome = staggered_step(self.discretisation, self.case.model_copy(update=converged), load)
-        self.done += abs(load - self.load)
-        return self._accept(load, outcome)
+    def _undo(self) -> None:
+        self.discretisation.undo()
+        self.discretisation.costs.count["undone_increments"] += 1
 
-    def _try(self, load: float, smallest: bool) -> tuple[StepOutcome, str]:
-        """Outcome of a staggered step and what speaks against accepting it."""
-        cautious = self.adaptive and (self.dissipative or not smallest)
+    def _try(self, case: Case, load: float, cautious: bool) -> tuple[StepOutcome, str]:
+        """Outcome of a staggered step and what speaks against accepting it; ``cautious`` judges the crack's advance."""
 
         def give_up(iteration: int) -> str:
-            too_far = cautious and self._advance_energy() > self.energy_limit
+            too_far = cautious and self._advance_energy() > self.limits.energy
             if too_far and self.dissipative:
                 return TOO_FAR
             if self._broken(self.discretisation.reaction_force()):
-                return "broken through"
+                return BROKEN_THROUGH
             return TOO_FAR if too_far else ""
 
         try:
-            outcome = staggered_step(self.discretisation, self.case, load, give_up)
+            outcome = staggered_step(self.discretisation, case, load, give_up)
         except (NewtonError, LinearSolverError) as error:
             return StepOutcome("stalled", self.discretisation.history_field, 0), str(error)
-        if cautious and self._advance_energy() > self.energy_limit:
+        if cautious and self._advance_energy() > self.limits.energy:
             return outcome, TOO_FAR
-        if outcome.verdict == "interrupted" and outcome.reason == "broken through":
-            return outcome, ""
-        return outcome, outcome.reason
+        return outcome, "" if outcome.reason == BROKEN_THROUGH else outcome.reason
 
     def _advance_energy(self) -> float:
         before = self.last.fracture_energy if self.last else 0.0
@@ -246,32 +315,31 @@ class _LoadPath:
 
     def _broken(self, force: float) -> bool:
         load = self.case.load
-        if not load.stop_when_broken or abs(force) >= load.broken_fraction * self.peak:
+        if not load.stop_when_broken or abs(force) >= load.broken_fraction * self.march.peak:
             return False
         # a force near zero on unloading is no break
         return bool(self.discretisation.phase_field.min() < BROKEN_PHASE_FIELD)
 
     def _grow_and_accept(self, load: float, outcome: StepOutcome) -> Increment:
-        quiet = self._advance_energy() < QUIET_SHARE * self.energy_limit
+        quiet = self._advance_energy() < QUIET_SHARE * self.limits.energy
         self.done += abs(load - self.load)
-        broken = self._broken(self.discretisation.reaction_force())
-        before = self.last.c_min if self.last else 1.0
-        accepted = self._accept(load, outcome, RunStatus.BROKEN_THROUGH if broken else RunStatus.COMPLETE)
+        before, size = self.last.c_min if self.last else 1.0, self.march.next_size
+        accepted = self._accept(load, outcome)
         fall = before - accepted.c_min if accepted.c_min > BROKEN_PHASE_FIELD else 0.0
-        if self.adaptive and fall > LARGEST_FALL:
-            self.increment = max(0.5 * self.increment, self.case.load.smallest)
-        elif self.adaptive and quiet and GROWTH * fall <= LARGEST_FALL:
-            self.increment = min(GROWTH * self.increment, self.case.load.increment)
-        self.last = replace(accepted, next_size=self.increment)
+        if self.limits.adaptive and fall > LARGEST_FALL:
+            size = max(0.5 * size, self.case.load.smallest)
+        elif self.limits.adaptive and quiet and GROWTH * fall <= LARGEST_FALL:
+            size = min(GROWTH * size, self.case.load.increment)
+        self.march = replace(self.march, next_size=size)
+        self.last = replace(accepted, march=self.march)
         return self.last
 
-    def _accept(self, load: float, outcome: StepOutcome, status: RunStatus = RunStatus.COMPLETE) -> Increment:
-        discretisation = self.discretisation
+    def _accept(self, load: float, outcome: StepOutcome) -> Increment:
+        discretisation, before = self.discretisation, self.last
         force = discretisation.reaction_force()
         elastic, fracture = discretisation.energies()
-        if self.last is not None:
-            self.work += 0.5 * (force + self.last.F) * (load - self.load)
-        self.peak = max(self.peak, abs(force))
+        broken = before is not None and self._broken(force)
+        self.march = replace(self.march, peak=max(self.march.peak, abs(force)))
         newton = discretisation.costs.count["newton"]
         discretisation.commit(outcome.history_field)
         self.last = Increment(
@@ -280,20 +348,16 @@ class _LoadPath:
             F=force,
             elastic_energy=elastic,
             fracture_energy=fracture,
-            external_work=self.work,
+            external_work=before.external_work + 0.5 * (force + before.F) * (load - before.u) if before else 0.0,
             c_min=float(discretisation.phase_field.min()),
             staggered=outcome.iterations,
             newton=newton - self.newton_before,
             seconds=time.perf_counter() - self.started,
-            status=status,
-            share=min(1.0, self.done / self.length),
-            leg=self.leg,
-            next_size=self.increment,
-            peak=self.peak,
-            controlled=self.controlled,
+            status=RunStatus.BROKEN_THROUGH if broken else RunStatus.COMPLETE,
+            share=min(1.0, self.done / self.limits.length),
+            march=self.march,
         )
-        self.load, self.newton_before = load, newton
-        self.step += 1
+        self.newton_before = newton
         discretisation.costs.count["increments"] += 1
         discretisation.costs.count["staggered_iterations"] += outcome.iterations
         return self.last

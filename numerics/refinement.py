@@ -13,7 +13,7 @@ from cases import Case
 from cases.spacing import grid_lines
 
 from .fields import Fields
-from .staggered import Discretisation
+from .staggered import QuasiStaticDiscretisation
 
 #: material is on its way to break below this phase field
 DAMAGED = 0.6
@@ -23,7 +23,7 @@ COARSE = 1.5
 AHEAD = 8.0
 
 
-class Refinable(Discretisation, Protocol):
+class Refinable(QuasiStaticDiscretisation, Protocol):
     """A discretisation that can begin with the state of another one of the same case."""
 
     def take_over(self, other: Any) -> None:

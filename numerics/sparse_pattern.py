@@ -7,10 +7,27 @@ number of threads.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sparse
 from numba import njit, prange
 from numpy.typing import NDArray
+
+
+class LocalSystems(NamedTuple):
+    """Linear systems of cells with k unknowns, to be filled by compiled loops.
+
+    matrices : (n_cells, k (k + 1) / 2) upper halves, row by row. vectors : (n_cells, k) right sides or forces.
+    """
+
+    matrices: NDArray
+    vectors: NDArray
+
+    @classmethod
+    def empty(cls, n_cells: int, k: int) -> LocalSystems:
+        """Room for the systems of ``n_cells`` cells."""
+        return cls(np.empty((n_cells, k * (k + 1) // 2)), np.empty((n_cells, k)))
 
 
 class SymmetricPattern:

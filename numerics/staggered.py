@@ -17,7 +17,7 @@ from .costs import Costs
 from .fields import Fields
 
 
-class Discretisation(Protocol):
+class QuasiStaticDiscretisation(Protocol):
     """What a solver offers to the staggered scheme.
 
     A step works on a trial state; ``commit`` makes it the state, ``undo`` forgets it.
@@ -97,7 +97,7 @@ class StepOutcome:
 
 
 def staggered_step(
-    discretisation: Discretisation,
+    discretisation: QuasiStaticDiscretisation,
     case: Case,
     load: float,
     give_up: Callable[[int], str] = lambda iteration: "",
@@ -111,7 +111,7 @@ def staggered_step(
     return step(discretisation, case, load, give_up)
 
 
-def _passes(discretisation: Discretisation, case: Case, load: float, give_up) -> StepOutcome:
+def _passes(discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up) -> StepOutcome:
     """The thesis's N_staggs passes: phase field from the history so far, then displacement."""
     committed = history_field = discretisation.history_field
     for _ in range(case.staggered.passes):
@@ -121,7 +121,7 @@ def _passes(discretisation: Discretisation, case: Case, load: float, give_up) ->
     return StepOutcome("converged", history_field, case.staggered.passes)
 
 
-def _until_converged(discretisation: Discretisation, case: Case, load: float, give_up) -> StepOutcome:
+def _until_converged(discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up) -> StepOutcome:
     """Displacement and phase field in turn until the phase field rests."""
     settings = case.staggered
     committed = discretisation.history_field

@@ -10,7 +10,7 @@ from cases.judging import merge
 from fem_reference import FiniteElements
 from fem_reference.smooth_basis import SmoothBasis
 from mpm import MaterialPoints
-from mpm.quasi_static.solver import _pulled_back
+from mpm.quasi_static.point_basis import pulled_back
 from numerics.quasi_static import increments
 from physics.surface_energy import curvature_operator
 
@@ -45,7 +45,7 @@ def set_quadratic_field(solver, coefficients):
     """Give the phase field 1 + a x² + b y² + d x y; its second derivatives are (2 a, 2 b, d)."""
     a, b, d = coefficients
     if isinstance(solver, FiniteElements):
-        x, y = solver.nodes.T
+        x, y = solver.basis.nodes.T
         reach = solver.case.mesh.h / 3.0
         steps = reach * np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
         hermite = np.stack([1 + a * x * x + b * y * y + d * x * y, 2 * a * x + d * y, 2 * b * y + d * x, d + 0 * x])
@@ -53,12 +53,13 @@ def set_quadratic_field(solver, coefficients):
         solver.set_phase_field((hermite.T @ weights).ravel())
         return
     solver.begin_step()
-    used = np.unique(solver._active.nodes)
+    active = solver.basis.active
+    used = np.unique(active.cells.nodes)
     x, y = solver.state.positions.T
-    values, nodes = solver._value_at_points, solver._active.nodes[solver._active.cell]
-    matrix = np.zeros((len(x), solver.grid.n_nodes))
+    values, nodes = solver.basis.own_value, active.nodes_of_points()
+    matrix = np.zeros((len(x), active.n_nodes))
     np.put_along_axis(matrix, nodes.astype(np.int64), values, axis=1)
-    nodal = np.zeros(solver.grid.n_nodes)
+    nodal = np.zeros(active.n_nodes)
     field = 1 + a * x * x + b * y * y + d * x * y
     nodal[used] = np.linalg.lstsq(matrix[:, used], field, rcond=None)[0]
     solver.set_phase_field(nodal)
@@ -71,7 +72,7 @@ def test_energy_of_a_quadratic_field_is_the_form_of_gamma(variant, solver):
     discretisation = solver(case)
     set_quadratic_field(discretisation, (0.3, -0.2, 0.45))
     curvature = curvature_operator(fracture) @ np.array([0.6, -0.4, 0.45])
-    assert discretisation._curvature_squared == pytest.approx(curvature @ curvature, rel=1e-6)
+    assert discretisation.trial.at_points.curvature_squared == pytest.approx(curvature @ curvature, rel=1e-6)
     # the other two terms by quadrature of the field itself
     s, w = np.polynomial.legendre.leggauss(4)
     x, y = np.meshgrid(0.5 * (s + 1), 0.5 * (s + 1))
@@ -91,7 +92,7 @@ def test_phase_field_minimises_the_energy(variant, solver):
     discretisation.begin_step()
     place = discretisation.fields().reference
     history = 0.05 * np.exp(-(((place - 0.5) / 0.2) ** 2).sum(1))
-    volume = discretisation.volume.ravel() if solver is FiniteElements else discretisation._volume
+    volume = (discretisation.geometry if solver is FiniteElements else discretisation.basis.values).volume.ravel()
     discretisation.solve_phase_field(history)
     nodal = discretisation.nodal_phase_field
 
@@ -178,7 +179,7 @@ def test_material_axes_follow_the_material():
     hessian = np.array([[1.3, 0.4], [0.4, -0.7]])
     now = np.array([hessian[0, 0], hessian[1, 1], hessian[0, 1]])
     first = rotation.T @ hessian @ rotation
-    back = _pulled_back(rotation[None])[0] @ now
+    back = pulled_back(rotation[None])[0] @ now
     assert back == pytest.approx([first[0, 0], first[1, 1], first[0, 1]])
 
 

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mpm.quasi_static.phase_field import keep_barely_seen
 from numerics.acceleration import Acceleration
 from numerics.costs import Costs
-from numerics.linear_solvers import keep_barely_seen, linear_solver
+from numerics.linear_solvers import linear_solver
 from numerics.newton import load_ratio, newton
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from numerics.staggered import NewtonError, remaining_distance

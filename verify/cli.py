@@ -16,16 +16,10 @@ from rich.table import Table
 
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
 from numerics.status import RunStatus
-from verify.judging.judge import accept, checks_of, find_runs
-from verify.judging.summary import (
-    check_name,
-    check_sentence,
-    counts,
-    exit_code,
-    failed_runs,
-    summarise,
-    write_summary,
-)
+from verify.judging.acceptance import accept
+from verify.judging.judge import checks_of, find_runs
+from verify.judging.summary import exit_code, summarise, write_summary
+from verify.judging.views import check_name, check_sentence, counts, failed_runs
 from verify.runs.jobs import Job, outcomes
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolderError
@@ -382,9 +376,9 @@ def accept_command(
     """
     loaded = load_case(case, tier)
     rows = accept(loaded, reason, out)
-    table = Table("run", "metric", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
+    table = Table("run", "metric", "parameters", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
     for row in rows:
-        table.add_row(row.run, row.metric, f"{row.value:.8g}", row.unit)
+        table.add_row(row.run, row.metric, row.parameters, f"{row.value:.8g}", row.unit)
     _console().print(table)
 
 

@@ -1,139 +1,153 @@
-"""The reference: phase-field finite elements on scikit-fem meshes, quasi-static."""
+"""The reference: quasi-static phase-field finite elements on scikit-fem meshes (thesis Algorithm 1)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
-from fem_reference.quasi_static import kernels
-from fem_reference.smooth_basis import SmoothBasis
+from fem_reference.quasi_static import displacement_kernels as kernels
+from fem_reference.quasi_static.equilibrium import MeshEquilibrium
+from fem_reference.quasi_static.phase_field import MeshPhaseField
 from numerics.costs import Costs
 from numerics.element_quality import scaled_jacobian
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
-from numerics.linear_solvers import lift_empty_diagonal, linear_solver
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton
+from numerics.phase_field_equation import ScalarAtPoints
 from numerics.refinement import carried
-from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from numerics.staggered import NewtonError
 from physics.elasticity import MaterialTable
-from physics.exact import SOLUTIONS
-from physics.phase_field import PhaseFieldCoefficients, crack_density, degradation, initial_history
+from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
+
+
+@dataclass
+class CommittedState:
+    """What elements and nodes carry from step to step.
+
+    displacement : (n_nodes, 2). gradient : (n_el, n_gauss, 4) of it. nodal_phase_field : (n_unknowns,).
+    history_field : (n_points,) [stress]. force_scale : largest forces applied so far.
+    """
+
+    displacement: NDArray
+    gradient: NDArray
+    nodal_phase_field: NDArray
+    history_field: NDArray
+    load: float
+    force_scale: float = 0.0
+
+
+@dataclass
+class TrialState:
+    """What a step works on.
+
+    displacement : (n_nodes, 2). gradient, stress : (n_el, n_gauss, 4 and 3). energy : (n_el, n_gauss, 2) psi_plus and
+    psi_minus [stress]. at_points : the phase field there. degradation : (n_el, n_gauss).
+    nodal_forces : (2 n_nodes,) out of balance. applied : norm of the forces applied.
+    """
+
+    displacement: NDArray
+    gradient: NDArray
+    stress: NDArray
+    energy: NDArray
+    nodal_phase_field: NDArray
+    at_points: ScalarAtPoints
+    degradation: NDArray
+    nodal_forces: NDArray
+    load: float
+    applied: float = 0.0
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What strain is measured on: slopes, volumes, and the displacement and its gradient that were there before."""
+
+    slope: NDArray
+    volume: NDArray
+    displacement: NDArray
+    gradient: NDArray
 
 
 class FiniteElements:
-    """Bilinear quads with 2x2 Gauss points, or linear triangles with 3; implements ``Discretisation``.
+    """Bilinear quads with 2x2 Gauss points, or linear triangles with 3; implements ``QuasiStaticDiscretisation``.
 
     Where a material is of order 4 the phase field, with 3x3 Gauss points, has the basis of ``SmoothBasis``.
-    Displacement ``(n_nodes, 2)`` and the phase field's unknowns ``(n_unknowns,)`` are the trial state.
     """
 
     def __init__(self, case: Case) -> None:
         self.case, self.costs = case, Costs()
         materials = MaterialTable(case)
-        self._fourth_order = bool(materials.fourth_order.any())
-        basis = ElementBasis(case, self._fourth_order)
-        self.nodes, self.elements, self.gauss_points = basis.nodes, basis.elements, basis.gauss_points
-        self.shape, self.slope, self.volume = basis.shape, basis.slope, basis.volume
-        self._first_slope, self._first_volume = basis.slope, basis.volume
-        self._set_materials(materials, basis)
-        self._set_equations()
-        self._set_initial_state()
-
-    # ---------------------------------------------------------------- set-up
-
-    def _set_materials(self, materials: MaterialTable, basis: ElementBasis) -> None:
-        body = basis.body
-        self._body, self._law = body, (materials.law, body.astype(np.uint32))
-        self._breaks = bool(materials.breakable.any())
-        # one value per element, as a column so that it spreads over the Gauss points
-        self._coefficients = PhaseFieldCoefficients(materials, body[:, None])
-        if self._fourth_order:
-            self._smooth = SmoothBasis.of(self.case, basis, materials.curvature[body])
-            self._forms = self._smooth.forms(basis.volume)
-
-    def _set_equations(self) -> None:
-        self.constraints = NodeConstraints(self.case, self.nodes)
-        self._unknowns = (2 * self.elements[:, :, None] + np.arange(2)).reshape(len(self.elements), -1)
-        pattern = SymmetricPattern(self.constraints.equations[self._unknowns], self.constraints.size)
-        self._solver = linear_solver(pattern, self.costs)
-        self._pattern = pattern
-        self._local = kernels.packed(self._unknowns.shape[1], len(self.elements))
-        self._external = self._body_forces()
-        if self._breaks:
-            self._set_phase_equations()
-
-    def _set_phase_equations(self) -> None:
-        self._phase_cells, self._phase_equations = self.elements, self.constraints.phase_equations
-        if self._fourth_order:
-            self._phase_cells = self._smooth.unknowns
-            self._phase_equations = self._smooth.number(self.constraints.phase_equations)
-        size = int(self._phase_equations.max()) + 1
-        self._phase_pattern = SymmetricPattern(self._phase_equations[self._phase_cells], size)
-        self._phase_solver = linear_solver(self._phase_pattern, self.costs, "well_conditioned")
-        self._phase_local = kernels.packed(self._phase_cells.shape[1], len(self.elements))
-        self._out_of_balance = np.empty(self._phase_cells.shape)
-
-    def _body_forces(self) -> NDArray:
-        """Nodal forces (2 n_nodes,) of the exact solution's body force at unit load."""
-        size = 2 * len(self.nodes)
-        solution = SOLUTIONS.get(self.case.exact or "")
-        if solution is None or solution.body_force is None:
-            return np.zeros(size)
-        density = solution.body_force(self.case, self.gauss_points.reshape(-1, 2), 1.0)
-        density = density.reshape(self.gauss_points.shape) * self.volume[..., None]
-        local = np.einsum("qa,eqi->eai", self.shape, density)
-        return gather_vector(self._unknowns, local, size)
-
-    def _set_initial_state(self) -> None:
-        n_elements, n_gauss = self.volume.shape
-        self.displacement = np.zeros((len(self.nodes), 2))
-        self.nodal_phase_field = self.constraints.phase_value.copy()
-        if self._fourth_order:
-            self.nodal_phase_field = self._smooth.spread(self.nodal_phase_field)
-        self._gradient = np.zeros((n_elements, n_gauss, 4))
-        self._stress, self._psi = np.zeros((n_elements, n_gauss, 3)), np.zeros((n_elements, n_gauss, 2))
-        self._forces = np.zeros((n_elements, self._unknowns.shape[1]))
-        self._c, self._slope_squared = np.ones((n_elements, n_gauss)), np.zeros((n_elements, n_gauss))
-        self._curvature_squared = np.zeros((n_elements, n_gauss))
-        #: strain is measured from here on: from the start, or from the last state where the geometry is updated
-        self._measured_from = (np.zeros_like(self.displacement), np.zeros_like(self._gradient))
-        self._force_scale = self._applied = 0.0
-        self.history_field = self._initial_history()
-        self._load = self.case.load.path[0]
-        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load, self._gradient.copy())
+        self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))
+        self._law = materials.law, basis.body.astype(np.uint32)
+        self._equilibrium = MeshEquilibrium(case, basis, self.costs)
+        constraints, breaks = self._equilibrium.constraints, bool(materials.breakable.any())
+        self._fracture = MeshPhaseField(case, basis, materials, constraints, self.costs) if breaks else None
+        coefficients = PhaseFieldCoefficients(materials, basis.body[:, None])
+        self._residual_stiffness = coefficients.residual_stiffness
+        self._set_states(coefficients)
         self.costs.count.update(
-            unknowns_displacement=self.constraints.size,
-            unknowns_phase_field=self._phase_pattern.size if self._breaks else 0,
-            points=self.volume.size,
-            cells=n_elements,
+            unknowns_displacement=self._equilibrium.size,
+            unknowns_phase_field=0,
+            points=basis.volume.size,
+            cells=len(basis.elements),
         )
 
-    def _initial_history(self) -> NDArray:
-        toughness = np.broadcast_to(self._coefficients.toughness, self.volume.shape)
-        length_scale = np.broadcast_to(self._coefficients.length_scale, self.volume.shape)
-        return initial_history(self.case, self.gauss_points, toughness, length_scale).ravel()
+    def _set_states(self, coefficients: PhaseFieldCoefficients) -> None:
+        basis, shape, load = self.basis, self.basis.volume.shape, self.case.load.path[0]
+        toughness, length_scale = (
+            np.broadcast_to(values, shape) for values in (coefficients.toughness, coefficients.length_scale)
+        )
+        displacement, gradient = np.zeros((len(basis.nodes), 2)), np.zeros((*shape, 4))
+        self.geometry = Geometry(basis.slope, basis.volume, displacement, gradient)
+        self.committed = CommittedState(
+            displacement=displacement,
+            gradient=gradient,
+            nodal_phase_field=self._fracture.first() if self._fracture else np.ones(len(basis.nodes)),
+            history_field=initial_history(self.case, basis.gauss_points, toughness, length_scale).ravel(),
+            load=load,
+        )
+        self.trial = TrialState(
+            displacement=displacement.copy(),
+            gradient=gradient.copy(),
+            stress=np.zeros((*shape, 3)),
+            energy=np.zeros((*shape, 2)),
+            nodal_phase_field=self.committed.nodal_phase_field,
+            at_points=ScalarAtPoints.intact(shape),
+            degradation=np.ones(shape),
+            nodal_forces=np.zeros(displacement.size),
+            load=load,
+        )
 
     # ---------------------------------------------------------------- staggered scheme
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the clock times the work alone."""
         self.solve_phase_field(self.history_field)
-        self._g = degradation(self._c, self._coefficients.residual_stiffness)
-        unknowns = np.zeros(self.constraints.size)
+        self._degrade()
+        unknowns = np.zeros(self._equilibrium.size)
         self.correction(unknowns, self.residual(unknowns)[0])
         self.costs.forget()
 
     @property
+    def history_field(self) -> NDArray:
+        """History field (n_points,) of the committed state [stress]."""
+        return self.committed.history_field
+
+    @property
     def phase_field(self) -> NDArray:
         """Phase field (n_points,) at the Gauss points, trial state."""
-        return self._c.ravel()
+        return self.trial.at_points.value.ravel()
+
+    @property
+    def nodal_phase_field(self) -> NDArray:
+        """Its unknowns (n_unknowns,)."""
+        return self.trial.nodal_phase_field
 
     def begin_step(self) -> None:
         """Measure on the mesh as it has moved, where the case asks for it; else the mesh is the mesh.
@@ -142,146 +156,108 @@ class FiniteElements:
         """
         if self.case.mesh.geometry == "initial":
             return
-        displacement = self._committed[0]
-        total = np.empty_like(self._gradient)
+        basis, committed = self.basis, self.committed
+        total = np.empty_like(committed.gradient)
         nothing = np.zeros_like(total)
-        kernels.displacement_gradients(self.elements, self._first_slope, displacement, nothing, total)
+        kernels.displacement_gradients(basis.elements, basis.slope, committed.displacement, nothing, total)
         deformation = np.eye(2) + total.reshape(*total.shape[:2], 2, 2)
         stretch = np.linalg.det(deformation)
         if stretch.min() <= 0.0:
             element = int(np.unravel_index(stretch.argmin(), stretch.shape)[0])
             raise NewtonError(f"element {element} has turned inside out")
-        self.slope = self._first_slope @ np.linalg.inv(deformation)
-        self.volume = self._first_volume * stretch
-        self._measured_from = (displacement, self._committed[3])
+        slope, volume = basis.slope @ np.linalg.inv(deformation), basis.volume * stretch
+        self.geometry = Geometry(slope, volume, committed.displacement, committed.gradient)
+        if self._fracture:
+            self._fracture.measure_on(slope, volume)
 
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field at the Gauss points for a history field (n_points,), Eq. 4.16."""
-        if not self._breaks:
+        if not self._fracture:
             return self.phase_field
         with self.costs.timed("phase_field"):
-            self._assemble_phase_field(history_field.reshape(self.volume.shape))
-            equations = self._phase_equations
-            residual = gather_vector(equations[self._phase_cells], self._out_of_balance, self._phase_pattern.size)
-            values = self._phase_pattern.gather(self._phase_local)
-            free = equations >= 0
-            nodal = self.nodal_phase_field.copy()
-            nodal[free] += self._phase_solver.solve(values, residual)[equations[free]]
-            return self.set_phase_field(nodal)
-
-    def _assemble_phase_field(self, history_field: NDArray) -> None:
-        coefficients = self._coefficients
-        reaction, resistance = coefficients.reaction(history_field), coefficients.resistance[:, 0]
-        diffusion, bending = coefficients.diffusion[:, 0], coefficients.bending[:, 0]
-        if self._fourth_order:
-            smooth = self._smooth
-            kernels.fourth_order_matrices(
-                smooth.unknowns, smooth.kind, smooth.value, *self._forms, self.volume, reaction, resistance,
-                diffusion, bending, self.nodal_phase_field, self._phase_local, self._out_of_balance,
-            )  # fmt: skip
-        else:
-            kernels.phase_field_matrices(
-                self.elements, self.shape, self.slope, self.volume, reaction, resistance, diffusion,
-                self.nodal_phase_field, self._phase_local, self._out_of_balance,
-            )  # fmt: skip
+            history_field = history_field.reshape(self.geometry.volume.shape)
+            return self.set_phase_field(self._fracture.solve(history_field, self.trial.nodal_phase_field))
 
     def set_phase_field(self, nodal: NDArray) -> NDArray:
         """Phase field at the Gauss points for given unknowns (n_unknowns,)."""
-        self.nodal_phase_field = nodal
-        self._map_phase_field()
+        self.trial.nodal_phase_field = nodal
+        if self._fracture:
+            self._fracture.map(nodal, self.trial.at_points)
         return self.phase_field.copy()
 
-    def _map_phase_field(self) -> None:
-        if self._fourth_order:
-            smooth = self._smooth
-            kernels.smooth_scalar_at_points(
-                smooth.unknowns, smooth.kind, smooth.value, smooth.slope, smooth.curvature, self.nodal_phase_field,
-                self._c, self._slope_squared, self._curvature_squared,
-            )  # fmt: skip
-        else:
-            kernels.scalar_at_points(
-                self.elements, self.shape, self.slope, self.nodal_phase_field, self._c, self._slope_squared
-            )
+    def _degrade(self) -> None:
+        self.trial.degradation = degradation(self.trial.at_points.value, self._residual_stiffness)
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
-        if load != self._load:
-            self.displacement *= load_ratio(load, self._load)
-            self._load = load
-        self._g = degradation(self._c, self._coefficients.residual_stiffness)
-        prescribed = self.constraints.prescribed
-        flat = self.displacement.reshape(-1)
-        flat[prescribed] = self.constraints.prescribed_values(load)[prescribed]
-        start = np.zeros(self.constraints.size)
-        start[self.constraints.equations[~prescribed]] = flat[~prescribed]
+        trial = self.trial
+        if load != trial.load:
+            trial.displacement *= load_ratio(load, trial.load)
+            trial.load = load
+        self._degrade()
+        self._equilibrium.prescribe(trial.displacement, load)
+        start = self._equilibrium.unknowns_of(trial.displacement)
         newton(self, start, tolerance, self.case.staggered.residual_tolerance, self.costs)
-        return self._psi[..., 0].ravel().copy()
+        return trial.energy[..., 0].ravel().copy()
 
     def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
         """Out-of-balance forces of the free unknowns and the scale of the forces."""
         with self.costs.timed("assembly"):
-            free = ~self.constraints.prescribed
-            self.displacement.reshape(-1)[free] = unknowns[self.constraints.equations[free]]
+            trial = self.trial
+            self._equilibrium.spread(unknowns, trial.displacement)
             self._evaluate_forces()
-            size = 2 * len(self.nodes)
-            self._nodal_forces = gather_vector(self._unknowns, self._forces, size) - self._load * self._external
-            fixed = self._nodal_forces[self.constraints.prescribed]
-            applied = float(np.linalg.norm(fixed) + np.linalg.norm(self._load * self._external))
-            self._applied = applied
-            equations = self.constraints.equations
-            residual = gather_vector(equations, self._nodal_forces, self.constraints.size)
-            return residual, max(self._force_scale, applied)
+            trial.nodal_forces, trial.applied = self._equilibrium.nodal_forces(trial.load)
+            return self._equilibrium.residual(trial.nodal_forces), max(self.committed.force_scale, trial.applied)
 
     def _evaluate_forces(self) -> None:
-        since, before = self._measured_from
-        kernels.displacement_gradients(
-            self.elements, self.slope, self.displacement - since, before, self._gradient
-        )
+        trial, geometry = self.trial, self.geometry
+        moved = trial.displacement - geometry.displacement
+        kernels.displacement_gradients(self.basis.elements, geometry.slope, moved, geometry.gradient, trial.gradient)
         kernels.internal_forces(
-            self.slope, self.volume, self._gradient, self._g, *self._law,
-            self._forces, self._stress, self._psi,
+            geometry.slope, geometry.volume, trial.gradient, trial.degradation, *self._law,
+            self._equilibrium.local.vectors, trial.stress, trial.energy,
         )  # fmt: skip
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Newton step -K^-1 R with the consistent tangent (Eq. 3.59)."""
         with self.costs.timed("assembly"):
+            stiffness = np.maximum(self.trial.degradation, TORN_STIFFNESS)
             kernels.tangents(
-                self.slope, self.volume, self._gradient, np.maximum(self._g, TORN_STIFFNESS),
-                *self._law, self._local,
+                self.geometry.slope, self.geometry.volume, self.trial.gradient, stiffness, *self._law,
+                self._equilibrium.local.matrices,
             )  # fmt: skip
-            values = lift_empty_diagonal(self._pattern, self._pattern.gather(self._local))
-        return self._solver.solve(values, -residual)
+            values = self._equilibrium.tangent()
+        return self._equilibrium.solve(values, -residual)
 
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state."""
-        self._force_scale = max(self._force_scale, self._applied)
-        self.history_field = history_field
-        self._committed = (self.displacement.copy(), self.nodal_phase_field, self._load, self._gradient.copy())
+        trial = self.trial
+        self.committed = CommittedState(
+            displacement=trial.displacement.copy(),
+            gradient=trial.gradient.copy(),
+            nodal_phase_field=trial.nodal_phase_field,
+            history_field=history_field,
+            load=trial.load,
+            force_scale=max(self.committed.force_scale, trial.applied),
+        )
 
     def undo(self) -> None:
         """Back to the last committed state."""
-        self.displacement[:], self.nodal_phase_field, self._load, self._gradient[:] = self._committed
-        self._map_phase_field()
-        self._g = degradation(self._c, self._coefficients.residual_stiffness)
+        trial, committed = self.trial, self.committed
+        trial.displacement[:], trial.load = committed.displacement, committed.load
+        self.set_phase_field(committed.nodal_phase_field)
+        self._degrade()
         self._evaluate_forces()
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Arrays from which `restore` makes the last committed state again."""
-        displacement, nodal_phase_field, load, gradient = self._committed
-        return {
-            "displacement": displacement,
-            "nodal_phase_field": nodal_phase_field,
-            "history_field": self.history_field,
-            "load": np.array(load),
-            "gradient": gradient,
-            "force_scale": np.array(self._force_scale),
-        }
+        return {name: np.array(value) for name, value in vars(self.committed).items()}
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to the state of a checkpoint of the same case."""
-        self.history_field, self._force_scale = saved["history_field"], float(saved["force_scale"])
-        load, gradient = float(saved["load"]), saved["gradient"]
-        self._committed = (saved["displacement"], saved["nodal_phase_field"], load, gradient)
+        arrays = {name: saved[name] for name in vars(self.committed)}
+        values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
+        self.committed = CommittedState(**values)
         # a state turned inside out is reported when the next step begins
         with suppress(NewtonError):
             self.begin_step()
@@ -290,64 +266,60 @@ class FiniteElements:
     def take_over(self, other: FiniteElements) -> None:
         """Begin with the committed state of ``other``, whose mesh is another one of the same bodies."""
         before = other.fields()
-        of_points, _ = carried(
-            self.gauss_points.reshape(-1, 2), before.reference, before.displacement, before.gradient
+        places = self.basis.gauss_points.reshape(-1, 2)
+        of_points, _ = carried(places, before.reference, before.displacement, before.gradient)
+        _, displacement = carried(self.basis.nodes, before.reference, before.displacement, before.gradient)
+        self.committed = CommittedState(
+            displacement=displacement,
+            gradient=before.gradient[of_points].reshape(self.trial.gradient.shape),
+            nodal_phase_field=self.trial.nodal_phase_field,
+            history_field=other.history_field[of_points],
+            load=other.committed.load,
+            force_scale=other.committed.force_scale,
         )
-        _, displacement = carried(self.nodes, before.reference, before.displacement, before.gradient)
-        self.history_field = other.history_field[of_points]
-        gradient = before.gradient[of_points].reshape(self._gradient.shape)
-        self._committed = (displacement, self.nodal_phase_field, other._committed[2], gradient)
-        self._force_scale = other._force_scale
         self.undo()
 
     # ---------------------------------------------------------------- what can be seen
 
     def reaction_force(self) -> float:
         """Force conjugate to the load parameter, from the residual at the prescribed unknowns."""
-        return float(self._nodal_forces @ self.constraints.prescribed_rates(self._load))
+        return float(self.trial.nodal_forces @ self._equilibrium.constraints.prescribed_rates(self.trial.load))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""
-        elastic = float((self.energy_density * self.volume).sum())
-        if not self._breaks:
-            return elastic, 0.0
-        length_scale = self._coefficients.length_scale
-        density = crack_density(self._c, self._slope_squared, length_scale, self._curvature_squared)
-        return elastic, float((self._coefficients.toughness * density * self.volume).sum())
+        elastic = float((self.energy_density * self.geometry.volume).sum())
+        return elastic, self._fracture.energy(self.trial.at_points) if self._fracture else 0.0
 
     @property
     def energy_density(self) -> NDArray:
         """Degraded elastic energy density (n_elements, n_gauss) [stress]."""
-        g = degradation(self._c, self._coefficients.residual_stiffness)
-        return g * self._psi[..., 0] + self._psi[..., 1]
+        g = degradation(self.trial.at_points.value, self._residual_stiffness)
+        return g * self.trial.energy[..., 0] + self.trial.energy[..., 1]
 
     def fields(self) -> Fields:
         """Gauss points and nodes as they stand."""
-        n_points = self.volume.size
-        displacement = np.einsum("qa,eai->eqi", self.shape, self.displacement[self.elements]).reshape(-1, 2)
-        reference = self.gauss_points.reshape(-1, 2)
+        basis, trial, volume = self.basis, self.trial, self.geometry.volume
+        displacement = np.einsum("qa,eai->eqi", basis.shape, trial.displacement[basis.elements]).reshape(-1, 2)
+        reference = basis.gauss_points.reshape(-1, 2)
+        nodal = trial.nodal_phase_field
         return Fields(
             points=reference + displacement,
             reference=reference,
-            volume=self.volume.ravel(),
+            volume=volume.ravel(),
             displacement=displacement,
-            gradient=self._gradient.reshape(n_points, 4).copy(),
+            gradient=trial.gradient.reshape(volume.size, 4).copy(),
             phase_field=self.phase_field.copy(),
             history_field=self.history_field.copy(),
-            stress=self._stress.reshape(n_points, 3).copy(),
+            stress=trial.stress.reshape(volume.size, 3).copy(),
             energy_density=self.energy_density.ravel(),
-            body=np.repeat(self._body, self.volume.shape[1]),
-            grid_points=self.nodes,
-            grid_cells=self.elements,
-            grid_displacement=self.displacement.copy(),
-            grid_phase_field=self._phase_field_at_nodes(),
+            body=np.repeat(basis.body, volume.shape[1]),
+            grid_points=basis.nodes,
+            grid_cells=basis.elements,
+            grid_displacement=trial.displacement.copy(),
+            grid_phase_field=self._fracture.at_nodes(nodal) if self._fracture else nodal.copy(),
         )
-
-    def _phase_field_at_nodes(self) -> NDArray:
-        nodal = self.nodal_phase_field
-        return self._smooth.at_nodes(nodal) if self._fourth_order else nodal.copy()
 
     def measures(self) -> dict[str, float]:
         """Least quality of the moved elements, and errors against the exact solution where the case has one."""
-        quality = float(scaled_jacobian(self.nodes + self.displacement, self.elements).min())
-        return exact_errors(self.case, self.fields(), self._load) | {"element_quality": quality}
+        quality = float(scaled_jacobian(self.basis.nodes + self.trial.displacement, self.basis.elements).min())
+        return exact_errors(self.case, self.fields(), self.trial.load) | {"element_quality": quality}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
@@ -12,49 +14,77 @@ from mpm.grid import Grid
 RINGS = 2
 
 
+class Cells(NamedTuple):
+    """Cells with their points, as compiled loops take them.
+
+    nodes : (n_cells, k) of each cell. cell : (n_points,) of each point.
+    starts, members : points of cell e are ``members[starts[e]:starts[e + 1]]``.
+    """
+
+    nodes: NDArray
+    cell: NDArray
+    starts: NDArray
+    members: NDArray
+
+    def only(self, chosen: NDArray) -> Cells:
+        """The same cells with the chosen points (n_points,) alone as their members."""
+        kept = chosen[self.members]
+        starts = np.concatenate([[0], np.cumsum(kept)])[self.starts]
+        return self._replace(starts=starts, members=self.members[kept])
+
+
 class ActiveGrid:
     """Cells that hold points, with rings of empty ones around them.
 
     Attributes
     ----------
-    nodes : (n_cells, k) nodes of each cell.
-    cell : (n_points,) cell of each point.
+    cells : with the points in them. n_nodes : nodes of the whole grid.
     x, y : (n_cells,) place of each cell in the grid.
     number : (nx, ny) number of each cell of the grid, -1 where it is not in use.
-    starts, members : points of cell e are ``members[starts[e]:starts[e + 1]]``.
-    n_occupied : cells that hold points.
+    numbered_for : cells (2, n_points) of the points, in x and y, when the cells were chosen.
+    near_breaking : (n_cells,) cells that hold points which can break, and rings around them.
     shift : (2,) where the grid stands in this step, from its first place.
     """
 
-    def __init__(self, grid: Grid, cells: tuple[NDArray, NDArray]) -> None:
-        self._grid = grid
-        occupied = np.zeros(grid.shape, bool)
-        occupied[cells] = True
-        used = binary_dilation(occupied, np.ones((3, 3), bool), iterations=RINGS)
-        self.x, self.y = np.nonzero(used)
+    def __init__(self, grid: Grid, places: tuple[NDArray, NDArray], breaking: NDArray) -> None:
+        """For points in the cells at ``places`` of which those of ``breaking`` (n_points,) can break."""
+        self._grid, self._breaking, self.numbered_for = grid, breaking, np.array(places)
+        self.x, self.y = np.nonzero(_with_rings(grid, places))
         self.number = np.full(grid.shape, -1, dtype=np.int64)
         self.number[self.x, self.y] = np.arange(len(self.x))
-        self.nodes = grid.cell_nodes(self.x, self.y)
+        of_breaking = (places[0][breaking], places[1][breaking])
+        self.near_breaking = _with_rings(grid, of_breaking)[self.x, self.y]
+        self._nodes, self.n_nodes = grid.cell_nodes(self.x, self.y), grid.n_nodes
         self.shift = np.zeros(2)
+        self.sort_points(places)
 
-    def holds(self, cells: tuple[NDArray, NDArray]) -> bool:
-        """Whether all points' cells are among these."""
-        return bool((self.number[cells] >= 0).all())
+    def holds(self, places: tuple[NDArray, NDArray]) -> bool:
+        """Whether all points' cells are among these, and those of points that can break near where such points were."""
+        cell = self.number[places]
+        return bool((cell >= 0).all() and self.near_breaking[cell[self._breaking]].all())
 
-    def sort_points(self, cells: tuple[NDArray, NDArray]) -> None:
+    def sort_points(self, places: tuple[NDArray, NDArray]) -> None:
         """List the points of each cell, in the points' order."""
-        self.cell = self.number[cells]
-        counts = np.bincount(self.cell, minlength=len(self.nodes))
-        self.starts = np.concatenate([[0], np.cumsum(counts)])
-        self.members = np.argsort(self.cell, kind="stable")
-        self.n_occupied = int(np.count_nonzero(counts))
+        cell = self.number[places]
+        counts = np.bincount(cell, minlength=len(self._nodes))
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        self.cells = Cells(self._nodes, cell, starts, np.argsort(cell, kind="stable"))
+
+    @property
+    def counts(self) -> NDArray:
+        """Number of points (n_cells,) in each cell."""
+        return np.diff(self.cells.starts)
+
+    def nodes_of_points(self) -> NDArray:
+        """Nodes (n_points, k) of each point's cell."""
+        return self.cells.nodes[self.cells.cell]
 
     def corner_values(self, nodal: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Corners (4 n, 2), quads (n, 4) and a nodal scalar at the corners (4 n,) of the occupied cells.
 
         Each cell has its own corners, because the fields may jump across slits.
         """
-        occupied = np.flatnonzero(np.diff(self.starts))
+        occupied = np.flatnonzero(self.counts)
         x, y = self.x[occupied], self.y[occupied]
         lines = [axis.breakpoints for axis in self._grid.axes]
         steps = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -62,6 +92,13 @@ class ActiveGrid:
         values = np.empty((len(occupied), 4))
         for corner in range(4):
             basis, _ = self._grid.evaluate(corners[:, corner], x, y)
-            values[:, corner] = (basis * nodal[self.nodes[occupied]]).sum(axis=1)
+            values[:, corner] = (basis * nodal[self._nodes[occupied]]).sum(axis=1)
         cells = np.arange(values.size).reshape(-1, 4)
         return corners.reshape(-1, 2) + self.shift, cells, values.ravel()
+
+
+def _with_rings(grid: Grid, places: tuple[NDArray, NDArray]) -> NDArray:
+    """Cells (nx, ny) of the grid at places in x and y, with rings around them."""
+    occupied = np.zeros(grid.shape, bool)
+    occupied[places] = True
+    return binary_dilation(occupied, np.ones((3, 3), bool), iterations=RINGS)

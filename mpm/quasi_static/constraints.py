@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from cases import Case
 from cases.boundaries import BoundarySet, nearest_on_segment
 from cases.geometry import Circle
-from mpm.grid import GridError
+from mpm.grid import Grid, GridError
 from mpm.placement import PointCloud
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
+from physics.elasticity import MaterialTable
 from physics.exact import MOTIONS
 
 DIRECTIONS: dict[str | None, int] = {"x": 0, "y": 1}
@@ -26,7 +27,7 @@ REACH = 0.53
 
 
 @dataclass
-class Motion:
+class PrescribedMotion:
     """Prescribed motion of a list of places: u = scale * load + value, or a named exact field.
 
     ``places`` are nodes or points, held at ``positions`` (n, 2), which are ``offset`` (n, 2) away from the points.
@@ -61,9 +62,9 @@ Pair = tuple[float, float]
 Selector = Callable[[BoundarySet], tuple[NDArray, NDArray]]
 
 
-def displacement_motions(case: Case, select: Selector, positions: NDArray) -> list[Motion]:
+def displacement_motions(case: Case, select: Selector, positions: NDArray) -> list[PrescribedMotion]:
     """The case's displacement constraints on the places that ``select`` finds among ``positions`` (n, 2)."""
-    motions: list[Motion] = []
+    motions: list[PrescribedMotion] = []
     holder = np.full((2, len(positions)), -1)
     for number, constraint in enumerate(case.constraints):
         if constraint.direction == "phase":
@@ -78,7 +79,7 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
         for component in directions:
             _refuse_contradictions(case, number, component, places, holder)
         motions += [
-            Motion(
+            PrescribedMotion(
                 places, offset, component, positions[places] + offset, constraint.scale or 0.0,
                 constraint.value or 0.0, constraint.motion, bool(constraint.tied),
             )
@@ -185,15 +186,52 @@ def nodes_on(case: Case, nodes: NDArray) -> Selector:
     return select
 
 
+class NodeMotions:
+    """Motions prescribed on grid nodes by elimination, whose unknowns are numbered 2 node + component."""
+
+    def __init__(self, case: Case, motions: list[PrescribedMotion]) -> None:
+        self._case, self._motions = case, motions
+
+    def bind(self, size: int) -> tuple[NDArray, NDArray]:
+        """Which unknowns (size,) are prescribed, and the one that each of them is tied to, by default itself."""
+        master, prescribed = np.arange(size), np.zeros(size, bool)
+        for motion in self._motions:
+            unknowns = _unknowns(motion)
+            if motion.tied:
+                master[unknowns] = unknowns[0]
+            else:
+                prescribed[unknowns] = True
+        return prescribed, master
+
+    def prescribe(self, increment: NDArray, load: float, before: float) -> None:
+        """Set what is prescribed of an increment (n_nodes, 2) of the displacement between two loads, in place."""
+        for motion in self._motions:
+            if not motion.tied:
+                change = motion.displacement(self._case, load) - motion.displacement(self._case, before)
+                increment.reshape(-1)[_unknowns(motion)] = change
+
+    def conjugate_force(self, nodal_forces: NDArray, load: float) -> float:
+        """Work of forces (size,) at the nodes by a change of the load."""
+        total = 0.0
+        for motion in self._motions:
+            if not motion.tied:
+                total += float(nodal_forces[_unknowns(motion)] @ motion.rate(self._case, load))
+        return total
+
+
+def _unknowns(motion: PrescribedMotion) -> NDArray:
+    return 2 * motion.places + motion.component
+
+
 class PointPenalty:
     """Motions prescribed on the body by stiff springs, Eqs. A.1-A.6.
 
     The list of springs is flat: motion after motion, place after place. Tied motions pull their places to one
-    more unknown each, numbered after those of the grid. ``component`` (n_springs,) is the
-    direction of each, ``displacement`` (n_springs,) the committed one of their places.
+    more unknown each, numbered after those of the grid. ``places`` (n_springs,) are the points whose cells hold the
+    springs, ``offset`` (n_springs, 2) how far these are from them, ``component`` (n_springs,) the direction of each.
     """
 
-    def __init__(self, case: Case, motions: list[Motion], stiffness: NDArray) -> None:
+    def __init__(self, case: Case, motions: list[PrescribedMotion], stiffness: NDArray) -> None:
         self._case, self._motions = case, motions
         self.places = _joined([m.places for m in motions], int)
         self.offset = np.concatenate([m.offset for m in motions]) if motions else np.zeros((0, 2))
@@ -203,7 +241,6 @@ class PointPenalty:
         tied = np.cumsum([m.tied for m in motions]) - 1
         masters = [np.full(len(m.places), t if m.tied else -1) for m, t in zip(motions, tied, strict=True)]
         self._master = _joined(masters, int)
-        self.displacement = np.zeros(len(self.places))
 
     def find_in_grid(self, nodes: NDArray, value: NDArray, equations: NDArray, size: int) -> None:
         """Take the nodes (n_springs, k) and basis values (n_springs, k) at the springs' present places."""
@@ -211,14 +248,13 @@ class PointPenalty:
         self._equations, self._size = equations[self._unknowns], size
         self._first_master = size - self.n_tied
 
-    def displaced(self, increment: NDArray) -> NDArray:
-        """Displacement (n_springs,) after a grid increment (n_nodes, 2)."""
-        return self.displacement + (self._value * increment.reshape(-1)[self._unknowns]).sum(axis=1)
+    def displaced(self, before: NDArray, increment: NDArray) -> NDArray:
+        """Displacement (n_springs,) after a grid increment (n_nodes, 2) on top of the one before (n_springs,)."""
+        return before + (self._value * increment.reshape(-1)[self._unknowns]).sum(axis=1)
 
-    @staticmethod
-    def coupling(motions: list[Motion], equations: NDArray, grid_size: int) -> NDArray | None:
+    def coupling(self, equations: NDArray, grid_size: int) -> NDArray | None:
         """Pairs of equations that tied motions can couple beyond their cells."""
-        tied = [m for m in motions if m.tied]
+        tied = [m for m in self._motions if m.tied]
         if not tied:
             return None
         pairs = []
@@ -282,6 +318,27 @@ class PointPenalty:
         if largest == 0.0:
             return 0.0
         return float(np.abs(self._gap(displacement, load, tied)).max() / largest)
+
+
+def node_motions(case: Case, grid: Grid) -> NodeMotions:
+    """The case's constraints on nodes of the grid, none where it has them on the points."""
+    if case.mpm.constraints_on != "nodes":
+        return NodeMotions(case, [])
+    grid.check_edges_interpolate()
+    return NodeMotions(case, displacement_motions(case, nodes_on(case, grid.nodes), grid.nodes))
+
+
+def point_penalty(case: Case, cloud: PointCloud, materials: MaterialTable) -> PointPenalty:
+    """The case's constraints on the points, none where it has them on nodes.
+
+    The stiffness of the springs [force/length] is a multiple of the uniaxial modulus times thickness.
+    """
+    motions = []
+    if case.mpm.constraints_on != "nodes":
+        on_points = PointsOn(case, cloud, at_edges=case.mpm.constraints_on == "edges")
+        motions = displacement_motions(case, on_points, cloud.positions)
+    modulus = materials.stiffness[:, [0, 1], [0, 1]].max(axis=1)[cloud.body]
+    return PointPenalty(case, motions, case.mpm.penalty * modulus * case.plane.thickness)
 
 
 def _joined(parts: list[NDArray], kind: type) -> NDArray:

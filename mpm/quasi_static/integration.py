@@ -6,7 +6,7 @@ the body covers of a cell is known better from the rectangles that the points st
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,8 +19,7 @@ from mpm.quasi_static.active_grid import ActiveGrid
 CLOSEST = 1e-3
 
 
-@dataclass(frozen=True)
-class Rectangles:
+class Rectangles(NamedTuple):
     """What material points cover: ``lower`` and ``upper`` corners (n_points, 2) and ``area`` (n_points,)."""
 
     lower: NDArray
@@ -37,21 +36,20 @@ def integrate_cells(
     and second moments of that area in x and in y; four points on Gauss points of a full cell stay where they are.
     Parts of rectangles in cells without points, or across a slit, count for the point's own cell.
     """
-    counts = np.diff(active.starts)
+    counts, cell = active.counts, active.cells.cell
     moments = np.zeros((len(counts), 5))
-    lines = [axis.breakpoints for axis in grid.axes]
-    own = (active.x[active.cell], active.y[active.cell])
+    lines = grid.axes[0].breakpoints, grid.axes[1].breakpoints
+    own = (active.x[cell], active.y[cell])
     closed = _closed_sides(grid, own, sides)
-    lower, upper = rectangles.lower, rectangles.upper
-    _add_moments(own[0], own[1], lower, upper, lines[0], lines[1], closed, active.number, counts, moments)
-    held = np.bincount(active.cell, weights=rectangles.area, minlength=len(counts))[active.cell]
-    covered = moments[active.cell, 0]
+    _add_moments(own, rectangles, lines, closed, active.number, counts, moments)
+    held = np.bincount(cell, weights=rectangles.area, minlength=len(counts))[cell]
+    covered = moments[cell, 0]
     places = np.empty_like(positions)
     for d in (0, 1):
         start, width = lines[d][own[d]], np.diff(lines[d])[own[d]]
-        mean = moments[active.cell, 1 + 2 * d] / covered
-        variance = moments[active.cell, 2 + 2 * d] / covered - mean**2
-        local = _fit(active.cell, (positions[:, d] - start) / width, rectangles.area / held, mean, variance)
+        mean = moments[cell, 1 + 2 * d] / covered
+        variance = moments[cell, 2 + 2 * d] / covered - mean**2
+        local = _fit(cell, (positions[:, d] - start) / width, rectangles.area / held, mean, variance)
         places[:, d] = start + width * np.clip(local, 0.0, 1.0)
     return covered / held, places
 
@@ -75,11 +73,13 @@ def _closed_sides(grid: Grid, own: tuple[NDArray, NDArray], sides: list[NDArray]
 
 
 @njit(cache=True)
-def _add_moments(cells_x, cells_y, lower, upper, lines_x, lines_y, closed, number, counts, moments):
+def _add_moments(own, rectangles, lines, closed, number, counts, moments):
     """Add the parts of each rectangle to the cells that they lie in: area, then first and second moments in x and y.
 
-    Moments are in units of the cell that takes the part.
+    Moments are in units of the cell that takes the part. ``own`` and ``lines`` are in x and in y.
     """
+    (cells_x, cells_y), (lines_x, lines_y) = own, lines
+    lower, upper, _ = rectangles
     for p in range(len(cells_x)):
         i, j = cells_x[p], cells_y[p]
         edges_x = _cuts(lower[p, 0], upper[p, 0], lines_x[i], lines_x[i + 1], closed[p, 0], closed[p, 1])

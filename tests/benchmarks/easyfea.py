@@ -32,8 +32,8 @@ def arguments() -> argparse.Namespace:
 def peer(elements: "FiniteElements") -> tuple["Simulations.PhaseField", "Models.PhaseField"]:
     """EasyFEA's simulation on the mesh of the reference, with the same law: spectral split, history field."""
     material = elements.case.materials["steel"]
-    coordinates = np.column_stack([elements.nodes, np.zeros(len(elements.nodes))])
-    group = GroupElemFactory.Create(ElemType.QUAD4, elements.elements, coordinates)
+    coordinates = np.column_stack([elements.basis.nodes, np.zeros(len(elements.basis.nodes))])
+    group = GroupElemFactory.Create(ElemType.QUAD4, elements.basis.elements, coordinates)
     law = Models.Elastic.Isotropic(
         2, E=material.young, v=material.poisson, planeStress=False, thickness=elements.case.plane.thickness
     )
@@ -72,7 +72,7 @@ def iterations_in_turn(asked: argparse.Namespace) -> "pd.DataFrame":
     elements = FiniteElements(case)
     elements.warm_up()
     simulation, _ = peer(elements)
-    y, rows = elements.nodes[:, 1], []
+    y, rows = elements.basis.nodes[:, 1], []
     for u in asked.loads:
         started = time.perf_counter()
         outcome = staggered_step(elements, case, u)
@@ -96,7 +96,7 @@ def same_answer(asked: argparse.Namespace) -> "pd.DataFrame":
     """Seconds until the load falls: EasyFEA's converged staggering on uniform quads, the reference as planned."""
     elements = FiniteElements(uniform(asked))
     simulation, _ = peer(elements)
-    y, forces, iterations = elements.nodes[:, 1], [0.0], 0
+    y, forces, iterations = elements.basis.nodes[:, 1], [0.0], 0
     started = time.perf_counter()
     for u in np.concatenate([np.arange(0.0005, 0.00501, 0.0005), np.arange(0.005, 0.0065, asked.step)[1:]]):
         prescribe(simulation, y, float(u))

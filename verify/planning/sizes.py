@@ -91,7 +91,7 @@ def _increments(case: Case) -> int:
 
 def _time_steps(case: Case) -> int:
     """By the rule for a uniform grid, in the finite elements too."""
+    from mpm.explicit.step_bound import stable_step
     from numerics.explicit import number_of_steps
-    from numerics.time_steps import stable_step
 
     return number_of_steps(case, stable_step(case))

@@ -120,11 +120,11 @@ class Checkpoint:
 
 def _record(kind: str, values: dict[str, Any]) -> "Record":
     from numerics.explicit import Balance, Instant
-    from numerics.quasi_static import Increment
+    from numerics.quasi_static import Increment, MarchState
 
     values["status"] = RunStatus(values["status"])
     if kind == "Increment":
-        return Increment(**values)
+        return Increment(**(values | {"march": MarchState(**values["march"])}))
     balance = values["balance"]
     return Instant(**(values | {"balance": Balance(**(balance | {"momentum": tuple(balance["momentum"])}))}))
 

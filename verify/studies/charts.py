@@ -21,7 +21,8 @@ from cases.judging import merge
 from cases.studies import Chart, Quantity, Varied, coordinates
 from numerics.status import RunStatus
 from verify.judging.targets import target_of, value_of
-from verify.metrics.registry import PAIR_METRICS, find_metric, fitted_order
+from verify.metrics.measures import fitted_order
+from verify.metrics.registry import PAIR_METRICS, find_metric
 from verify.runs.atomic import write_table
 from verify.runs.jobs import Job, Outcome
 from verify.runs.run_folder import RunFolder
@@ -82,6 +83,9 @@ def make_charts(
         tell(warning)
     times = Times(chart_folder(options.out, case) / "times.csv")
     times.measure(todo, options, repeats, tell)
+    for study in studies:
+        for sentence in study.without_error(times):
+            tell(sentence)
     return [study.write(times) for study in studies]
 
 
@@ -216,7 +220,7 @@ class ChartStudy:
     # ---- errors
 
     def target(self, quantity: Quantity) -> Target | None:
-        """The reference of a quantity; None where it differs from level to level or could not be computed."""
+        """The reference of a quantity; None where it differs from level to level or its runs do not give it."""
         if quantity.value is not None:
             return Target(quantity.value, 0.0)
         if self.chart.reference is None:
@@ -224,9 +228,12 @@ class ChartStudy:
         runs = [run for run in map(self._run, self.finest) if run is not None and run.good]
         if len(runs) < len(self.finest):
             return None
-        if quantity.metric in PAIR_METRICS:
-            return Target(0.0, _distance(quantity, runs[-2], runs[-1]), runs[-1])
-        values = [_value(quantity, run) for run in runs]
+        try:
+            if quantity.metric in PAIR_METRICS:
+                return Target(0.0, _distance(quantity, runs[-2], runs[-1]), runs[-1])
+            values = [_value(quantity, run) for run in runs]
+        except NO_VALUE:
+            return None
         at = coordinates(self.chart.reference.levels)
         return Target(*extrapolated(at, values, self.chart.reference.order), runs[-1])
 
@@ -261,7 +268,10 @@ class ChartStudy:
     def _error(
         self, quantity: Quantity, run: RunFolder, level: Variation, target: Target | None
     ) -> dict[str, float]:
-        """Value, reference, uncertainty and relative error; nothing where the run does not give them."""
+        """Value, reference, uncertainty and relative error; what the run does not give is left out.
+
+        Of a reference of zero there is no relative error.
+        """
         try:
             if quantity.metric in PAIR_METRICS:
                 distance, unsure = self._distance(quantity, run, level, target)
@@ -269,9 +279,11 @@ class ChartStudy:
             value, target = _value(quantity, run), target or Target(self._exact(quantity, run, level), 0.0)
         except NO_VALUE:
             return {}
-        size = abs(target.value)
-        told = {"value": value, "reference": target.value, "uncertainty": target.uncertainty / size}
-        return told | {"error": abs(value - target.value) / size}
+        told, size = {"value": value, "reference": target.value}, abs(target.value)
+        if size == 0.0:
+            return told
+        error = find_metric(quantity.metric).error(value, target.value, "relative")
+        return told | {"uncertainty": target.uncertainty / size, "error": error}
 
     def _distance(
         self, quantity: Quantity, run: RunFolder, level: Variation, target: Target | None
@@ -292,6 +304,17 @@ class ChartStudy:
         return check_of(quantity.metric, level.run, "exact", parameters=quantity.parameters)
 
     # ---- tables
+
+    def without_error(self, times: Times) -> list[str]:
+        """One sentence for each quantity of which no level has an error."""
+        table = self.table(times)
+        told = table.groupby("quantity", sort=False)[["value", "error"]].count()
+        return [
+            f"charts.{self.name}: {quantity} has no relative error: "
+            + ("its reference is zero or unknown." if row["value"] else "no level or not every reference gives it.")
+            for quantity, row in told.iterrows()
+            if not row["error"]
+        ]
 
     def write(self, times: Times) -> Path:
         """Write the three tables; returns the first."""

@@ -15,8 +15,8 @@ from scipy.sparse import csr_matrix
 from cases import Case
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
-from fem_reference.quasi_static import kernels
-from numerics.sparse_pattern import SymmetricPattern, gather_vector
+from fem_reference.quasi_static import displacement_kernels as kernels
+from numerics.sparse_pattern import LocalSystems, SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.phase_field import degradation
 from verify.studies.verdicts import NO_CONVERGENCE, STABLE, Verdict
@@ -80,8 +80,7 @@ class CrackedBody:
         basis, shape = self._basis, self._basis.volume.shape
         prescribed = np.where(self._constraints.prescribed, self._constraints.prescribed_values(1.0), 0.0)
         gradient, stress, psi = np.zeros((*shape, 4)), np.empty((*shape, 3)), np.empty((*shape, 2))
-        local = kernels.packed(self._equations.shape[1], len(self._equations))
-        forces = np.empty(self._equations.shape)
+        local, forces = LocalSystems.empty(*self._equations.shape)
         g = degradation(1.0 - damage * self._fade, residual_stiffness)
         kernels.displacement_gradients(
             basis.elements, basis.slope, prescribed.reshape(-1, 2), np.zeros_like(gradient), gradient

@@ -22,7 +22,6 @@ from cases import Case, CaseError
 from cases.judging import merge, nest
 from cases.studies import REACHED, RUN, Judged, Map, coordinates, level_changes
 from numerics.status import RunStatus
-from verify.judging.judge import error_of
 from verify.judging.targets import target_of
 from verify.metrics.registry import METRICS, find_metric
 from verify.runs.atomic import write_table
@@ -240,8 +239,9 @@ class MapStudy:
         if judged is None:
             return Verdict(STABLE, **told)
         try:
-            value = find_metric(judged.metric)(run, **judged.parameters)
-            error = error_of(value, self._target(judged, run), judged.measure)
+            metric = find_metric(judged.metric)
+            value = metric(run, **judged.parameters)
+            error = metric.error(value, self._target(judged, run), judged.error_kind)
         except NO_VALUE as problem:
             return Verdict(NOT_POSSIBLE, **(told | {"reason": str(problem)}))
         return Verdict(self._accuracy(error), value=value, error=error, **told)
@@ -253,7 +253,7 @@ class MapStudy:
                 raise ValueError("the map's reference left no result")
             return find_metric(judged.metric)(reference, **judged.parameters)
         check = check_of(
-            judged.metric, run.info["run"], judged.against, measure=judged.measure, parameters=judged.parameters
+            judged.metric, run.info["run"], judged.against, error_kind=judged.error_kind, parameters=judged.parameters
         )
         return target_of(check, self.case, lambda _: run)
 

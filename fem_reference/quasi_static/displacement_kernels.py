@@ -1,0 +1,72 @@
+"""Compiled loops over elements: strains, internal forces, tangents.
+
+Arrays: ``nodes`` (n_el, k) corner numbers; ``slope`` (n_el, n_gauss, k, 2) gradients of the shape functions [1/length];
+``volume`` (n_el, n_gauss) weight times thickness; ``law`` the elastic laws of the bodies (``Law``) and ``body`` (n_el,)
+each element's body.
+Local unknowns are ordered node by node, x before y; local matrices keep the upper half, row by row.
+"""
+
+from __future__ import annotations
+
+from numba import njit, prange
+
+from physics.energy_splits import body_response
+
+
+@njit(cache=True, parallel=True)
+def displacement_gradients(nodes, slope, displacement, before, gradient):
+    """Displacement gradient ux,x ux,y uy,x uy,y on top of one before, into ``gradient`` (n_el, n_gauss, 4)."""
+    for e in prange(nodes.shape[0]):
+        for q in range(slope.shape[1]):
+            xx, xy, yx, yy = before[e, q, 0], before[e, q, 1], before[e, q, 2], before[e, q, 3]
+            for a in range(nodes.shape[1]):
+                ux, uy = displacement[nodes[e, a], 0], displacement[nodes[e, a], 1]
+                xx += slope[e, q, a, 0] * ux
+                xy += slope[e, q, a, 1] * ux
+                yx += slope[e, q, a, 0] * uy
+                yy += slope[e, q, a, 1] * uy
+            gradient[e, q, 0], gradient[e, q, 1], gradient[e, q, 2], gradient[e, q, 3] = xx, xy, yx, yy
+
+
+@njit(cache=True, parallel=True)
+def internal_forces(slope, volume, gradient, degradation, law, body, force, stress, psi):
+    """Element forces (n_el, 2k), stress (n_el, n_gauss, 3) and psi_plus, psi_minus (n_el, n_gauss, 2)."""
+    for e in prange(slope.shape[0]):
+        force[e, :] = 0.0
+        for q in range(slope.shape[1]):
+            shear = gradient[e, q, 1] + gradient[e, q, 2]
+            r = body_response(law, body[e], degradation[e, q], gradient[e, q, 0], gradient[e, q, 3], shear)
+            stress[e, q, 0], stress[e, q, 1], stress[e, q, 2] = r.sxx, r.syy, r.sxy
+            psi[e, q, 0], psi[e, q, 1] = r.psi_plus, r.psi_minus
+            for a in range(slope.shape[2]):
+                nx, ny = slope[e, q, a, 0] * volume[e, q], slope[e, q, a, 1] * volume[e, q]
+                force[e, 2 * a] += nx * r.sxx + ny * r.sxy
+                force[e, 2 * a + 1] += ny * r.syy + nx * r.sxy
+
+
+@njit(cache=True, parallel=True)
+def tangents(slope, volume, gradient, degradation, law, body, local):
+    """Upper halves of the element tangents, into ``local`` (n_el, k (2k + 1))."""
+    n_unknowns = 2 * slope.shape[2]
+    for e in prange(slope.shape[0]):
+        local[e, :] = 0.0
+        for q in range(slope.shape[1]):
+            shear = gradient[e, q, 1] + gradient[e, q, 2]
+            r = body_response(law, body[e], degradation[e, q], gradient[e, q, 0], gradient[e, q, 3], shear)
+            w = volume[e, q]
+            entry = 0
+            for a in range(slope.shape[2]):
+                nx, ny = slope[e, q, a, 0] * w, slope[e, q, a, 1] * w
+                # rows x and y of B_a^T D
+                x0, x1, x2 = nx * r.d00 + ny * r.d02, nx * r.d01 + ny * r.d12, nx * r.d02 + ny * r.d22
+                y0, y1, y2 = ny * r.d01 + nx * r.d02, ny * r.d11 + nx * r.d12, ny * r.d12 + nx * r.d22
+                length = n_unknowns - 2 * a
+                for b in range(a, slope.shape[2]):
+                    mx, my = slope[e, q, b, 0], slope[e, q, b, 1]
+                    column = 2 * (b - a)
+                    local[e, entry + column] += x0 * mx + x2 * my
+                    local[e, entry + column + 1] += x1 * my + x2 * mx
+                    if b > a:
+                        local[e, entry + length + column - 1] += y0 * mx + y2 * my
+                    local[e, entry + length + column] += y1 * my + y2 * mx
+                entry += 2 * length - 1

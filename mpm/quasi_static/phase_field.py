@@ -1,0 +1,98 @@
+"""The phase field on the grid of quasi-static material points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+from mpm.grid import Grid, GridError
+from mpm.quasi_static import phase_field_kernels as kernels
+from mpm.quasi_static.active_grid import ActiveGrid
+from mpm.quasi_static.constraints import nodes_on
+from mpm.quasi_static.point_basis import BasisValues
+from numerics.costs import Costs
+from numerics.linear_solvers import lift_empty_diagonal
+from numerics.phase_field_equation import PhaseFieldEquation, PhaseFieldTerms, ScalarAtPoints
+from numerics.sparse_pattern import SymmetricPattern
+from physics.elasticity import MaterialTable
+from physics.phase_field import PhaseFieldCoefficients, crack_density
+
+#: unknowns whose diagonal is below this share of the usual one matter to nobody, whatever their values
+BARELY_SEEN = 1e-6
+
+
+class GridPhaseField:
+    """Phase field of the points of bodies that can break, on the grid's nodes around them.
+
+    It ends where such a body ends, without flux, whatever the body is bonded to; elsewhere it is 1.
+    """
+
+    def __init__(self, case: Case, grid: Grid, materials: MaterialTable, body: NDArray, costs: Costs) -> None:
+        self._costs, self._breaking = costs, materials.breakable[body]
+        self._coefficients = PhaseFieldCoefficients(materials, body)
+        self._fourth_order = bool(materials.fourth_order.any())
+        if self._fourth_order and grid.slits:
+            raise GridError(
+                f"{case.source}: notches: the grid is not smooth on the line of a slit, as fracture.order = 4 needs;"
+                ' use kind = "cells" or "history" instead'
+            )
+        self._held, self._first = np.zeros(grid.n_nodes, bool), np.ones(grid.n_nodes)
+        for constraint in case.constraints:
+            if constraint.direction == "phase":
+                grid.check_edges_interpolate()
+                nodes, _ = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
+                # the slope is held at zero with the value, Eq. 5.11
+                nodes = grid.beside(nodes) if self._fourth_order else nodes
+                self._held[nodes], self._first[nodes] = True, constraint.value
+
+    def first(self) -> NDArray:
+        """Values (n_nodes,) of whole material with what is prescribed."""
+        return self._first.copy()
+
+    def use_cells(self, active: ActiveGrid) -> None:
+        """Number the unknowns of the nodes in use."""
+        free = np.zeros(len(self._held), bool)
+        free[active.cells.nodes[active.near_breaking]] = True
+        self._equation = PhaseFieldEquation(active.cells.nodes, free & ~self._held, self._costs)
+
+    def find_points(self, active: ActiveGrid) -> None:
+        """Take the points of each cell that can break."""
+        self._cells = active.cells.only(self._breaking)
+
+    def solve(self, history_field: NDArray, nodal: NDArray, basis: BasisValues) -> NDArray:
+        """Values (n_nodes,) for a history field (n_points,), Eq. 4.16, from those before."""
+        coefficients, systems = self._coefficients, self._equation.systems
+        terms = PhaseFieldTerms(
+            coefficients.reaction(history_field), coefficients.resistance, coefficients.diffusion, coefficients.bending
+        )
+        kernels.phase_field_systems(self._cells, basis, terms, nodal, *systems)
+        if self._fourth_order:
+            kernels.add_curvature_terms(self._cells, basis, terms, nodal, *systems)
+        # cells of the pattern that hold no points leave empty rows
+        return self._equation.corrected(nodal, keep_barely_seen)
+
+    def map(self, nodal: NDArray, basis: BasisValues, at_points: ScalarAtPoints) -> None:
+        """Fill in the values at the points."""
+        kernels.scalar_at_points(self._cells, basis, nodal, at_points.value, at_points.slope_squared)
+        if self._fourth_order:
+            kernels.curvature_at_points(self._cells, basis, nodal, at_points.curvature_squared)
+        for values, whole in zip(at_points, (1.0, 0.0, 0.0), strict=True):
+            values[~self._breaking] = whole
+
+    def energy(self, at_points: ScalarAtPoints, volume: NDArray) -> float:
+        """Fracture energy [energy] (Eq. 2.49)."""
+        value, slope_squared, curvature_squared = at_points
+        density = crack_density(value, slope_squared, self._coefficients.length_scale, curvature_squared)
+        return float((self._coefficients.toughness * density) @ volume)
+
+
+def keep_barely_seen(pattern: SymmetricPattern, values: NDArray) -> NDArray:
+    """`lift_empty_diagonal` that gives unknowns with next to no stiffness a usual diagonal: a correction leaves them.
+
+    Few points at the far edge of their cells determine the values of the functions beyond it badly: these would run away.
+    """
+    diagonal = values[pattern.diagonal]
+    usual = np.median(diagonal[diagonal > 0.0])
+    lift_empty_diagonal(pattern, values)[pattern.diagonal[diagonal < BARELY_SEEN * usual]] = usual
+    return values
