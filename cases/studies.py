@@ -192,6 +192,3 @@ class Map(Table):
     def varied_keys(self) -> list[str]:
         """Dotted keys that differ from cell to cell."""
         return [key for key in (*self.x, *self.y) if key not in (RUN, REACHED)]
-
-
-__all__ = ["Chart", "Finest", "Judged", "Ladder", "Levels", "Map", "ChartedMetric", "Varied", "coordinates", "level_changes"]
