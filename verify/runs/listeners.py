@@ -36,7 +36,7 @@ class ObservedDiscretisation(Protocol):
         """Go back to the state of a checkpoint of the same case."""
 
 
-class Listener(Protocol):
+class Listener:
     """Takes part in a run from its start on; what it has no use for it leaves as it is here."""
 
     def start(self, after: "Record | None", note: str) -> None:

@@ -1,8 +1,7 @@
 """How a run tells where it is: a bar with the time left on a terminal, now and then a line elsewhere."""
 
 import time
-from types import TracebackType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import (
@@ -18,16 +17,6 @@ from verify.runs.listeners import Listener, ObservedDiscretisation
 
 if TYPE_CHECKING:
     from numerics.records import Record
-
-
-class ProgressView(Listener, Protocol):
-    """A listener that is open as long as the run goes on."""
-
-    def __enter__(self) -> "ProgressView": ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
 
 
 class Bar(Listener):
@@ -94,6 +83,6 @@ class Lines(Listener):
         self._console.print(f"{self._title}: {text}", markup=False, highlight=False, soft_wrap=True)
 
 
-def progress_view(title: str, console: Console) -> ProgressView:
+def progress_view(title: str, console: Console) -> Bar | Lines:
     """A bar when ``console`` is a terminal, lines otherwise."""
     return Bar(title, console) if console.is_terminal else Lines(title, console)
