@@ -127,30 +127,14 @@ def mark_changing(strips, motion, crack, history, law, tolerance, block, marked)
                 marked[int(x[p]) // block, int(y[p]) // block] = True
 
 
-class _Room(NamedTuple):
-    """Values, slopes and second derivatives (k,) of a cell's splines in both directions, the operator in present axes
-    (3, 3), and second derivatives (k², 3) of the cell's functions whose squares add up to the quadratic form of gamma."""
-
-    wx: NDArray
-    dx: NDArray
-    bx: NDArray
-    wy: NDArray
-    dy: NDArray
-    by: NDArray
-    form: NDArray
-    bend: NDArray
-
-
 @njit(inline="always")
-def _room(k):
-    wx, dx, bx, wy, dy, by = np.empty(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-    return _Room(wx, dx, bx, wy, dy, by, np.empty((3, 3)), np.empty((k * k, 3)))
+def _curvatures(order, x, y, over_h, operator, turn, splines, form, bend):
+    """Second derivatives ``bend`` (k², 3) of a cell's functions whose squares add up to the quadratic form of gamma.
 
-
-@njit(inline="always")
-def _curvatures(order, x, y, over_h, operator, turn, room):
-    """Second derivatives into ``room.bend``; ``turn`` is that of the material since the operator was its own [radian]."""
-    wx, dx, bx, wy, dy, by, form, bend = room
+    ``turn`` is that of the material since the operator was its own [radian]. Room is needed for the ``splines`` (6, k),
+    their values, slopes and second derivatives in both directions, and for ``form`` (3, 3), the operator in present axes.
+    """
+    wx, dx, bx, wy, dy, by = splines[0], splines[1], splines[2], splines[3], splines[4], splines[5]
     k = order + 1
     xi, eta = x - int(x), y - int(y)
     basis(k, xi, wx, dx)
@@ -180,13 +164,12 @@ def add_curvature_terms(order, strips, motion, matter, axes, law, over_h, equati
     for colour in range(2):
         for half in prange((len(strips) - colour) // 2):
             strip = 2 * half + colour
-            room = _room(k)
-            bend = room.bend
+            splines, form, bend = np.empty((6, k)), np.empty((3, 3)), np.empty((k * k, 3))
             for p in range(strips[strip], strips[strip + 1]):
                 cell = number[int(x[p]) * width + int(y[p])]
                 if cell < 0:
                     continue
-                _curvatures(order, x[p], y[p], over_h, operator, turn[p], room)
+                _curvatures(order, x[p], y[p], over_h, operator, turn[p], splines, form, bend)
                 weight = bending * volume[p]
                 entry = 0
                 for a in range(k * k):
@@ -203,13 +186,12 @@ def add_curvature_energy(order, strips, motion, axes, law, over_h, nodal, energy
     width, inside, values = nodal
     k = order + 1
     for strip in prange(len(strips) - 1):
-        room = _room(k)
-        bend = room.bend
+        splines, form, bend = np.empty((6, k)), np.empty((3, 3)), np.empty((k * k, 3))
         for p in range(strips[strip], strips[strip + 1]):
             node = int(x[p]) * width + int(y[p])
             if not inside[node]:
                 continue
-            _curvatures(order, x[p], y[p], over_h, operator, turn[p], room)
+            _curvatures(order, x[p], y[p], over_h, operator, turn[p], splines, form, bend)
             one = two = three = 0.0
             for a in range(k):
                 for b in range(k):
