@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.bodies import Body
 from cases.geometry import Shape
 from cases.spacing import grid_lines
+from numerics.description import outlines
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,8 @@ def _place_in_body(case: Case, number: int) -> tuple[NDArray, ...]:
         positions, size = _on_rings(*circles, case.mesh.h / case.mpm.points_per_cell)
         corner = -0.5 * size
     else:
-        lower, upper = body.bounds()
-        n_x, n_y = np.maximum(1, np.ceil((upper - lower) / case.mesh.h - 1e-6)).astype(int)
-        width = (upper - lower) / (n_x, n_y)
+        lower, _ = body.bounds()
+        (n_x, n_y), width = _cells_of_body(case, body)
         cells = np.stack(np.meshgrid(np.arange(n_x), np.arange(n_y), indexing="ij"), -1).reshape(-1, 1, 2)
         local, start, extent = _local_points(case, len(cells))
         positions = (lower + width * (cells + local)).reshape(-1, 2)
@@ -80,6 +81,34 @@ def _place_in_body(case: Case, number: int) -> tuple[NDArray, ...]:
     kept = (case.inside(positions) == number) & ~case.left_out(positions)
     volume = size.prod(axis=1) * case.plane.thickness
     return positions[kept], volume[kept], size[kept], corner[kept], np.full(kept.sum(), number)
+
+
+def cells_in_bodies(case: Case) -> NDArray:
+    """Cells (n_bodies,) that the points of `place_in_bodies` fill in each body, from its area: without placing any."""
+    areas = [outline.area for outline in outlines(case)]
+    bodies = zip(case.bodies.values(), areas, strict=True)
+    return np.array([area / _area_of_cell(case, body) for body, area in bodies])
+
+
+def _area_of_cell(case: Case, body: Body) -> float:
+    """Area that ``points_per_cell`` squared points of a body stand for [length²]."""
+    circles = _circles(body.shape) if case.mpm.placement == "rings" else None
+    if circles is None:
+        return float(np.prod(_cells_of_body(case, body)[1]))
+    _, inner, outer = circles
+    per_cell = case.mpm.points_per_cell
+    return (per_cell * (outer - inner) / _number_of_rings(inner, outer, case.mesh.h / per_cell)) ** 2
+
+
+def _cells_of_body(case: Case, body: Body) -> tuple[NDArray, NDArray]:
+    """Number (2,) and width (2,) of the cells over a body's bounding box."""
+    lower, upper = body.bounds()
+    number = np.maximum(1, np.ceil((upper - lower) / case.mesh.h - 1e-6)).astype(int)
+    return number, (upper - lower) / number
+
+
+def _number_of_rings(inner: float, outer: float, spacing: float) -> int:
+    return max(1, int(np.ceil((outer - inner) / spacing - 1e-6)))
 
 
 def _circles(shape: Shape | None) -> tuple[NDArray, float, float] | None:
@@ -95,7 +124,7 @@ def _circles(shape: Shape | None) -> tuple[NDArray, float, float] | None:
 
 def _on_rings(centre: NDArray, inner: float, outer: float, spacing: float) -> tuple[NDArray, NDArray]:
     """Positions (n, 2) on circles and sizes (n, 2), radially and round about, that fill a ring without overlap."""
-    n_rings = max(1, int(np.ceil((outer - inner) / spacing - 1e-6)))
+    n_rings = _number_of_rings(inner, outer, spacing)
     thickness = (outer - inner) / n_rings
     positions, size = [], []
     for radius in inner + thickness * (np.arange(n_rings) + 0.5):

@@ -15,7 +15,6 @@ from reports.charts import accuracy_against_cost
 from reports.maps import where_it_fails
 from reports.results import CaseResults
 from verify import cli
-from verify.planning.calibration import Cost
 from verify.runs import running
 from verify.studies import study as studies
 from verify.studies.charts import choice_sentence, choices, extrapolated, make_charts, slopes
@@ -283,7 +282,7 @@ def test_charts_and_maps_tell_their_predicted_time_before_the_first_run(
     """Two at a time take half as long; what is finished takes none."""
     case, told = load_case(fake_solver.write_case(tmp_path / "square", CHART, MAP), "quick"), []
     monkeypatch.setattr(studies, "LONG", 0.0)
-    monkeypatch.setattr(studies, "cost_of", lambda case, size: Cost(1.0, 1200.0, 1.0))
+    monkeypatch.setattr(studies, "expected_seconds", lambda case, run: 1200.0)
     make_charts(case, Options(tmp_path / "out"), tell=told.append)
     make_maps(case, Options(tmp_path / "out", jobs=2), tell=told.append)
     charts = told.index("The charts of square will take about 200 minutes; what is finished is kept if you stop it.")

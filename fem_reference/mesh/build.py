@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 import skfem
 from shapely.geometry.base import BaseGeometry
 
 from cases import Case
 from cases.geometry import Box, Shape
 from cases.notches import CellsNotch, Segment, SlitNotch
+from cases.spacing import grid_blocks
 from fem_reference.mesh.arrays import (
+    Floats,
     Integers,
     MeshArrays,
     MeshError,
@@ -29,6 +32,7 @@ from fem_reference.mesh.triangles import (
     circles_of,
     notch_outline,
     outline_of,
+    planar_graph,
     snapped,
     triangulate,
 )
@@ -39,6 +43,11 @@ __all__ = ["Mesh", "MeshError", "build_mesh"]
 REMEDY_QUADS = 'set mesh.element = "triangle"'
 REMEDY_TRIANGLES = 'move it into a body, or make it a notch of kind "cells"'
 REMEDY_FILE = "draw the slit as edges in the mesh file"
+# Triangles that netgen makes in the square of the wanted size, and where it is held to it in a box: 4 / sqrt(3) would be
+# equilateral ones of that size.
+TRIANGLES_IN_A_SQUARE, TRIANGLES_IN_A_BOX = 2.75, 2.05
+# Blocks along each axis over which triangles are counted before they are made.
+BLOCKS = 500
 
 
 @dataclass(frozen=True)
@@ -81,6 +90,26 @@ def uses_quads(case: Case) -> bool:
     """The shapes of the case become quadrilaterals."""
     shapes = [body.shape for body in case.bodies.values() if body.shape]
     return case.mesh.element == "quad" and all(shape.is_rectilinear for shape in shapes)
+
+
+def expected_triangles(case: Case, with_outlines: bool) -> tuple[Floats, Floats]:
+    """Number (n_bodies,) of the triangles that `build_mesh` will make of each shape, and its nodes (n, 2) on outlines.
+
+    The number is estimated to a few per cent. with_outlines : find the nodes, which takes its time where there are very
+    many; none without.
+    """
+    shapes = {index: body.shape for index, body in enumerate(case.bodies.values()) if body.shape}
+    size, outlines, blocks = _size_field(case), _outlines(case, shapes), grid_blocks(case, BLOCKS)
+    held = np.any([box.away(blocks.centres) == 0.0 for box in size.boxes if not size.is_uniform], axis=0)
+    density = np.where(held, TRIANGLES_IN_A_BOX, TRIANGLES_IN_A_SQUARE) * blocks.areas / size(blocks.centres) ** 2
+    number = np.zeros(len(case.bodies))
+    for index, outline in zip(shapes, outlines, strict=True):
+        inside = shapely.contains_xy(outline, *blocks.centres.T)
+        number[index] = density[inside].sum() * outline.area / blocks.areas[inside].sum() if inside.any() else 1.0
+    if not with_outlines:
+        return number, np.zeros((0, 2))
+    slits = [snapped(slit, outlines, SNAP * case.mesh.h) for slit in _slits(case).values()]
+    return number, planar_graph(outlines, slits, _anchors(case), size).points
 
 
 def _opened_mesh(case: Case) -> MeshArrays:

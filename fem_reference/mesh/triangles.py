@@ -130,7 +130,7 @@ def triangulate(
 
     Raises MeshError when netgen cannot fill an outline.
     """
-    graph = _planar_graph(outlines, slits, anchors, size)
+    graph = planar_graph(outlines, slits, anchors, size)
     mesh, segments = _filled(graph, size)
     areas = np.bincount(mesh.body, signed_areas(mesh.points, mesh.cells), len(outlines))
     if not np.allclose(areas, [outline.area for outline in outlines], rtol=1e-6):
@@ -226,7 +226,7 @@ def _spaced(path: Floats, size: SizeField, least: int) -> Floats:
     return points
 
 
-def _planar_graph(
+def planar_graph(
     outlines: Sequence[BaseGeometry],
     slits: Sequence[Segment],
     anchors: Sequence[tuple[float, float]],
