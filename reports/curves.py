@@ -245,13 +245,17 @@ def sweep_table(results: CaseResults) -> pd.DataFrame:
         for measure, error in (run.entry.get("measures") or {}).items():
             if measure.startswith("l2_error") and error is not None and error > 0:
                 h = float(spec.sweep_values["mesh.h"])
-                rows.append((family, run.method.name, h, measure, error, _theory(results, run)))
+                rows.append((family, run.method.name, h, measure, error, _theory(results, run, spec.family, measure)))
     table = pd.DataFrame(rows, columns=["base", "solver", "h", "measure", "error", "theory"])
     return table.sort_values(["measure", "base", "h"], ignore_index=True)
 
 
-def _theory(results: CaseResults, run: RunResults) -> float:
-    """Return the L2 order of a smooth solution: 2 for linear elements, p + 1 for splines of order p."""
+def _theory(results: CaseResults, run: RunResults, family: str, measure: str) -> float:
+    """Return the order that a check asks for, else that of a smooth field: 2 for linear elements, p + 1 for splines."""
+    orders = (check for check in results.checks if check["metric"] == "convergence_order" and check["run"] == family)
+    asked = [check["target"] for check in orders if measure in (check.get("parameters") or {}).values()]
+    if asked and asked[0] is not None:
+        return float(asked[0])
     if not run.method.by_points:
         return 2.0
     try:

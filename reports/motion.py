@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from verify.metrics.motion import missing_energy
+from verify.metrics.histories import missing_energy
 from verify.metrics.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style

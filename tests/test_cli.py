@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from verify import cli
+from verify.runs import running
 from verify.runs.run_folder import run_path
 
 
@@ -164,7 +165,10 @@ def test_compare_never_runs_a_solver(
     assert verify("compare", case, *options) == 0
 
 
-def test_accept_then_compare_is_within(tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_accept_then_compare_is_within(
+    tmp_path: Path, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "code_version", lambda: "0.1.0+abc1234")
     case = fake_solver.write_case(tmp_path / "square", fake_solver.check("baseline"))
     assert verify("run", case, *options) == 0
     assert verify("accept", case, "--reason", "first values", *options) == 0

@@ -14,6 +14,7 @@ import pytest
 from cases import list_cases, load_case
 from reports.tables import price_rows
 from verify import cli
+from verify.judging.targets import JudgeError
 from verify.planning import calibration
 from verify.planning.plan import plan
 from verify.planning.recorded_prices import (
@@ -26,6 +27,7 @@ from verify.planning.recorded_prices import (
 )
 from verify.planning.savings import all_off, savings
 from verify.runs import running
+from verify.studies import prices
 from verify.studies.prices import price
 from verify.studies.study import Options, StudyError
 
@@ -56,6 +58,8 @@ reason = "prices its savings"
 def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A graded case; on the graded grid the stand-in is 2 % too stiff."""
     fake_solver.install(monkeypatch)
+    for module in (running, prices):
+        monkeypatch.setattr(module, "code_version", lambda: "0.1.0+abc1234")
 
     def solver(case):
         whole = case.mesh.fine.lower == (0.0, 0.0)
@@ -102,6 +106,20 @@ def test_a_comparison_of_two_runs_is_priced_against_the_run_without_the_saving(c
     assert curve["change"] == pytest.approx(0.02) and curve["unknowns_with"] == curve["unknowns_without"] == 8
     (row,) = price_rows(SimpleNamespace(case=case, tier="quick"))
     assert row["changes"].startswith("Peak force 2 %; ") and row["unknowns"] == "1"
+
+
+def test_prices_have_the_version_that_made_their_runs(
+    priced: pd.DataFrame, case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (running, prices):
+        monkeypatch.setattr(module, "code_version", lambda: "0.1.0+later-dirty")
+    case = load_case(case_file, "quick")
+    price(case, Options(tmp_path / "out"), ["fem"], record=True)
+    assert set(read_prices(case)["version"]) == {"0.1.0+abc1234"}, "they were made before"
+    with pytest.raises(JudgeError, match="code that is not committed"):
+        price(load_case(case_file, "standard"), Options(tmp_path / "out"), ["fem"], record=True)
+    assert set(read_prices(case)["tier"]) == {"quick"}
+    assert not (tmp_path / "out" / "runs" / "square" / "standard").exists(), "it says so before anything is run"
 
 
 def test_a_saving_that_no_run_has_is_told(case_file: Path, tmp_path: Path) -> None:

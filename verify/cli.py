@@ -20,16 +20,10 @@ from rich.text import Text
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
 from cases.judging import TIERS
 from numerics.status import RunStatus
-from verify.judging.judge import accept, checks_of, find_runs
-from verify.judging.summary import (
-    check_name,
-    check_sentence,
-    counts,
-    exit_code,
-    failed_runs,
-    summarise,
-    write_summary,
-)
+from verify.judging.acceptance import accept
+from verify.judging.judge import checks_of, find_runs
+from verify.judging.summary import exit_code, summarise, write_summary
+from verify.judging.views import check_name, check_sentence, counts, failed_runs
 from verify.runs.jobs import Job, outcomes
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolderError
@@ -231,6 +225,9 @@ def run_command(
         int, typer.Option("--threads", min=1, help="threads of all jobs together; on a cluster, of each")
     ] = DEFAULT_THREADS,
     jobs: JobsOption = 1,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", min=0.0, help="seconds after which a run is given up; it can be resumed")
+    ] = None,
     accuracy: AccuracyOption = None,
     cluster: ClusterOption = None,
 ) -> None:
@@ -244,7 +241,7 @@ def run_command(
 
     each, console = threads if cluster else max(1, threads // jobs), _console()
     wanted = [
-        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume)
+        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
         for named in named_runs(_selected(case, tier), run_names)
     ]
     # a mistake in the last case is told before the first run
@@ -343,9 +340,9 @@ def accept_command(
     """
     loaded = load_case(case, tier)
     rows = accept(loaded, reason, out)
-    table = Table("run", "metric", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
+    table = Table("run", "metric", "parameters", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
     for row in rows:
-        table.add_row(row.run, row.metric, f"{row.value:.8g}", row.unit)
+        table.add_row(row.run, row.metric, row.parameters, f"{row.value:.8g}", row.unit)
     _console().print(table)
 
 

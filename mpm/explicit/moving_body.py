@@ -208,12 +208,12 @@ class MovingBody:
 
     def evaluate_stresses(self) -> None:
         """Stresses, and energy densities where the body can break, from the strains and the phase field."""
-        elastic, crack = self.points.elastic, self.points.crack
+        strips, elastic, crack = self.window.strips, self.points.elastic, self.points.crack
         if self.breakable:
-            degraded_stresses(self.law, elastic, crack)
+            degraded_stresses(strips, self.law, elastic, crack)
             np.maximum(crack.history if self._irreversible else 0.0, crack.psi_plus, out=crack.history)
         else:
-            elastic_stresses(self.law, elastic)
+            elastic_stresses(strips, self.law, elastic)
 
     # ---------------------------------------------------------------- what can be seen
 

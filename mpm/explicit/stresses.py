@@ -1,4 +1,8 @@
-"""Compiled laws of points that move: strains that turn with the material, and stresses."""
+"""Compiled laws of points that move: strains that turn with the material, and stresses.
+
+Loops run over strips of points: what a parallel loop writes by its own index to arrays out of a tuple, numba takes for
+unused and leaves out.
+"""
 
 from __future__ import annotations
 
@@ -52,22 +56,24 @@ def elastic_stress(exx, eyy, gxy, lam, mu):
 
 
 @njit(cache=True, parallel=True)
-def elastic_stresses(law, elastic):
+def elastic_stresses(strips, law, elastic):
     """Stresses of a body that cannot break."""
     lam, mu = law.lam, law.mu
     exx, eyy, gxy, sxx, syy, sxy = elastic
-    for p in prange(len(exx)):
-        sxx[p], syy[p], sxy[p] = elastic_stress(exx[p], eyy[p], gxy[p], lam, mu)
+    for strip in prange(len(strips) - 1):
+        for p in range(strips[strip], strips[strip + 1]):
+            sxx[p], syy[p], sxy[p] = elastic_stress(exx[p], eyy[p], gxy[p], lam, mu)
 
 
 @njit(cache=True, parallel=True)
-def degraded_stresses(law, elastic, crack):
+def degraded_stresses(strips, law, elastic, crack):
     """Degradation, stresses (Eq. 2.50) and both parts of the energy density of a body that can break."""
     lam, mu, split, residual_stiffness = law.lam, law.mu, law.split, law.residual_stiffness
     exx, eyy, gxy, sxx, syy, sxy = elastic
     c, g, psi_plus, psi_minus = crack.c, crack.g, crack.psi_plus, crack.psi_minus
-    for p in prange(len(exx)):
-        g[p] = degradation(c[p], residual_stiffness)
-        r = point_response(split, g[p], exx[p], eyy[p], gxy[p], lam, mu)
-        sxx[p], syy[p], sxy[p] = r.sxx, r.syy, r.sxy
-        psi_plus[p], psi_minus[p] = r.psi_plus, r.psi_minus
+    for strip in prange(len(strips) - 1):
+        for p in range(strips[strip], strips[strip + 1]):
+            g[p] = degradation(c[p], residual_stiffness)
+            r = point_response(split, g[p], exx[p], eyy[p], gxy[p], lam, mu)
+            sxx[p], syy[p], sxy[p] = r.sxx, r.syy, r.sxy
+            psi_plus[p], psi_minus[p] = r.psi_plus, r.psi_minus
