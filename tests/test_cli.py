@@ -129,6 +129,9 @@ def test_an_interrupted_run_says_where_it_stopped(
         (["accept", "{case}"], "--reason"),
         (["accept", "{case}", "--reason", " ", "--out", "{out}"], "reason"),
         (["run", "{case}", "--threads", "none"], "--threads"),
+        (["run", "{case}", "--out", ""], "is empty; give a folder"),
+        (["run", "{case}", "--out", "{case}"], "is a file; give a folder"),
+        (["run", "--run", "nobody", "--tier", "quick"], "no case has a run called nobody"),
         (["frobnicate"], "No such command"),
         (["chart", "{case}"], "add a table [charts.NAME]"),
         (["stability", "{case}"], "add a table [maps.NAME]"),
@@ -198,6 +201,46 @@ def test_validate_reads_all_tiers_and_runs(tmp_path: Path, capsys: pytest.Captur
     assert "valid" in capsys.readouterr().out
     case.write_text(case.read_text().replace("h = 0.2\n", "h = 0.4\n"))
     assert verify("validate", case) == 3
+
+
+def test_validate_reads_the_tiers_of_a_case_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / "square")
+    text = case.read_text()
+    for run in ("fem", "mpm"):
+        text = text.replace(f'[runs.{run}]\nsolver = "{run}"\n', "")
+    case.write_text(text)
+    assert verify("validate", case) == 0
+    assert verify("run", case) == 3 and "add a table [runs.NAME]" in capsys.readouterr().err
+    case.write_text(text + "[tiers.paper.mesh]\nh = -1.0\n")
+    assert verify("validate", case) == 3 and "tiers.paper.mesh.h" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("folder", ["[h=10]", "[/bold]"])
+def test_brackets_are_printed_as_they_are(tmp_path: Path, folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / folder)
+    case.write_text(case.read_text() + '[runs.swept]\nsolver = "fem"\nsweep = { "mesh.h" = [0.25, 0.125] }\n')
+    assert verify("validate", case) == 0
+    assert folder in capsys.readouterr().out
+    assert verify("plan", case, "--run", "swept") == 0
+    assert "swept[h=0.125]" in capsys.readouterr().out
+
+
+def test_a_mistake_of_the_program_is_no_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def mistaken(*_: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("verify.planning.plan.plan", mistaken)
+    case = fake_solver.write_case(tmp_path / "square")
+    assert verify("plan", case) == 5
+    said = capsys.readouterr().err
+    assert said.startswith("Internal error: ZeroDivisionError") and len(said.strip().splitlines()) == 1
+    file = Path(said.split("with ")[1].split()[0])
+    assert "Traceback" in file.read_text(encoding="utf-8")
+    file.unlink()
+    assert verify("--debug", "plan", case) == 5
+    assert "Traceback" in capsys.readouterr().err
 
 
 def test_plan_prints_sizes_before_anything_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
