@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from cases.dynamics import Traction
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
+from cases.loading import Traction
 from cases.solvers import SOLVERS
 from cases.spacing import grid_lines
 
@@ -21,11 +21,11 @@ from .words import listed, number, plural
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cases.numerical import Constraint
     from matplotlib.axes import Axes
 
     from cases import Case
     from cases.geometry import Box
+    from cases.loading import Constraint
 
     from .results import CaseResults, RunResults
 
