@@ -84,12 +84,19 @@ def _estimated(case: Case, few: bool) -> _Counts:
     else:
         corners, (elements, on_outlines) = 3, expected_triangles(case, with_outlines=few)
         nodes = 0.5 * float(elements.sum() + len(on_outlines)) + 1.0  # Euler's formula
-    constraints = NodeConstraints(case, on_outlines)
-    breaking = nodes * description.shares(case, elements)[0]
-    if case.dynamics is None:
-        breaking -= float(constraints.phase_prescribed.sum())
-    held = 2 * len(on_outlines) - constraints.size
-    return _Counts(corners, elements, nodes, 2.0 * nodes - held, max(0.0, breaking))
+    held = _held(case, on_outlines)
+    breaking = nodes * description.shares(case, elements)[0] - held["phase"]
+    return _Counts(corners, elements, nodes, 2.0 * nodes - held["x"] - held["y"], max(0.0, breaking))
+
+
+def _held(case: Case, nodes: NDArray) -> dict[str, int]:
+    """How many of the nodes (n, 2) have a displacement x, y or a phase field that is prescribed, or tied to another's."""
+    held = {direction: np.zeros(len(nodes), bool) for direction in ("x", "y", "phase")}
+    for constraint in case.constraints:
+        selected = case.boundaries[constraint.on].select(nodes, 1e-6 * case.mesh.h, case.bounding_box())
+        for direction in (constraint.direction,) if constraint.direction else ("x", "y"):
+            held[direction] |= selected & (np.cumsum(selected) > int(constraint.tied))
+    return {direction: int(of.sum()) for direction, of in held.items()}
 
 
 def _stable_step(case: Case, is_made: bool) -> float:

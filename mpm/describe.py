@@ -13,7 +13,7 @@ from mpm.explicit.step_bound import stable_step
 from mpm.grid import Grid
 from mpm.placement import cells_in_bodies, place_points
 from mpm.quasi_static.active_grid import ActiveGrid
-from mpm.quasi_static.constraints import displacement_motions, nodes_on
+from mpm.quasi_static.constraints import node_motions
 from numerics import description
 from numerics.description import MOST_SET_UP, Description
 
@@ -57,20 +57,13 @@ def _set_up(case: Case) -> _Counts:
     """The grid, and its cells that a point in their middle lies in, with the rings of cells that are kept around them."""
     middles = case.model_copy(update={"mpm": case.mpm.model_copy(update={"points_per_cell": 1, "placement": "regular"})})
     grid, cloud = Grid(case), place_points(middles)
-    cells = grid.locate(cloud.positions, [slit.sides(cloud.positions) for slit in grid.slits])
-    active = ActiveGrid(grid, cells, description.breakable(case)[cloud.body])
-    nodes, broken = np.unique(active.cells.nodes), np.unique(active.cells.nodes[active.near_breaking])
-    held = _held(case, grid, nodes) if case.mpm.constraints_on == "nodes" else 0
-    return _Counts(np.bincount(cloud.body, minlength=len(case.bodies)), 2 * len(nodes) - held, len(broken))
-
-
-def _held(case: Case, grid: Grid, nodes: NDArray) -> int:
-    """Displacements of nodes in use that are prescribed, or tied to another one."""
-    held, used = np.zeros(2 * grid.n_nodes, bool), np.zeros(2 * grid.n_nodes, bool)
-    used[2 * nodes] = used[2 * nodes + 1] = True
-    for motion in displacement_motions(case, nodes_on(case, grid.nodes), grid.nodes):
-        held[2 * motion.places[int(motion.tied) :] + motion.component] = True
-    return int((held & used).sum())
+    places = grid.locate(cloud.positions, [slit.sides(cloud.positions) for slit in grid.slits])
+    active = ActiveGrid(grid, places, description.breakable(case)[cloud.body])
+    used, breaks = np.zeros(grid.n_nodes, bool), np.zeros(grid.n_nodes, bool)
+    used[active.cells.nodes], breaks[active.cells.nodes[active.near_breaking]] = True, True
+    prescribed, master = node_motions(case, grid).bind(2 * grid.n_nodes)
+    free = np.repeat(used, 2) & ~prescribed & (master == np.arange(len(master)))
+    return _Counts(np.bincount(cloud.body, minlength=len(case.bodies)), int(free.sum()), int(breaks.sum()))
 
 
 def _estimated(case: Case) -> _Counts:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.bodies import Body
 from cases.geometry import Shape
-from cases.schema import Body
 from cases.spacing import grid_lines
 from numerics.description import outlines
 

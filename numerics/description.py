@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from cases import Case
+from cases.bodies import Body
 from cases.geometry import mesh_outline
-from cases.schema import Body
 from cases.solvers import SOLVERS
 from cases.spacing import grid_blocks
 

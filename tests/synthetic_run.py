@@ -20,7 +20,8 @@ from numerics.fields import Fields
 from numerics.quasi_static import Increment
 from numerics.status import RunStatus
 from verify.judging.summary import summarise, write_summary
-from verify.runs.run_folder import RunWriter, run_path
+from verify.runs.run_folder import run_path
+from verify.runs.run_writer import RunWriter
 
 PEAK, BROKEN, END = 0.0056, 0.0060, 0.0064
 FORCE_OF_MPM = 1.004  # force of the synthetic MPM over that of the FEM
@@ -178,6 +179,7 @@ def write_run(case: Case, out: Path, cells: int, factor: float, measures: dict[s
     displacements = np.unique(np.concatenate([np.linspace(0.0, END, 65), case.output.snapshots]))
     work, before = 0.0, (0.0, 0.0)
     with RunWriter(folder, case.output.snapshots) as writer:
+        writer.start(None, "")
         for step, u in enumerate(displacements):
             state = State(float(u), factor)
             work += 0.5 * (state.force + before[1]) * (u - before[0])
@@ -199,13 +201,13 @@ def write_run(case: Case, out: Path, cells: int, factor: float, measures: dict[s
                 reason="",
             )
             writer.record(increment, _solver(cells, state))
-        writer.last_state(_solver(cells, State(END, factor)))
+        writer.finish(_solver(cells, State(END, factor)), fields(cells, State(END, factor)))
         x = np.linspace(0.5, 1.0, 60)
-        writer.finish(_info(case, cells, measures or {}), np.column_stack([x, line_of_crack(x, factor)]))
+        writer.close(_info(case, cells, measures or {}), np.column_stack([x, line_of_crack(x, factor)]))
 
 
 def _solver(cells: int, state: State) -> Any:
-    return SimpleNamespace(costs=Costs(), fields=lambda: fields(cells, state), checkpoint=dict)
+    return SimpleNamespace(costs=Costs(), fields=lambda: fields(cells, state))
 
 
 def _info(case: Case, cells: int, measures: dict[str, float]) -> dict[str, Any]:

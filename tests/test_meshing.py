@@ -11,12 +11,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cases import Case, CaseError, load_case
-from cases.notches import Segment
+from cases.notches import CellsNotch, Segment
+from cases.spacing import count_cells
 from fem_reference.mesh.arrays import MeshArrays, corner_jacobians, cross, edge_lengths, edge_table, signed_areas
 from fem_reference.mesh.build import Mesh, MeshError, build_mesh
 from fem_reference.mesh.quads import rectilinear
 from fem_reference.mesh.slits import cells_cut_by, split_slits
 from fem_reference.mesh.triangles import SizedBox, SizeField
+from mpm.placement import place_points
+from numerics.description import describe
 from numerics.element_quality import scaled_jacobian
 
 FRAME = """
@@ -319,6 +322,22 @@ def test_cells_are_left_out(tmp_path: Path, element: str) -> None:
     centres = mesh.arrays.centres()
     assert not ((centres[:, 0] < 0.5) & (np.abs(centres[:, 1] - 0.5) < 0.05)).any()
     assert len(np.unique(mesh.arrays.cells)) == len(mesh.arrays.points)
+
+
+def test_a_notch_holds_the_rectangle_about_its_segment_with_its_sides() -> None:
+    notch = CellsNotch(kind="cells", start=(1.0, 0.0), end=(1.0, 2.0), width=0.5)
+    held = [(1.0, 1.0), (1.0, 0.0), (1.25, 2.0), (0.75, 1.0)]
+    free = [(1.26, 1.0), (0.74, 1.0), (1.0, 2.01), (1.0, -0.01)]
+    assert notch.contains(np.array(held)).all() and not notch.contains(np.array(free)).any()
+
+
+def test_points_elements_and_plan_leave_out_the_same(tmp_path: Path) -> None:
+    case = write_case(tmp_path, UNIT_SQUARE, "h = 0.1", notch("cells", (0.0, 0.1), (0.45, 0.52), 0.25))
+    elements = build_mesh(case).arrays.centres()
+    assert describe(case, "fem").cells == describe(case, "mpm").cells == len(elements) < count_cells(case)
+    case = case.model_copy(update={"mpm": case.mpm.model_copy(update={"points_per_cell": 1})})
+    points = place_points(case).positions
+    assert np.sort(points @ [1.0, 100.0]) == pytest.approx(np.sort(elements @ [1.0, 100.0]))
 
 
 def test_an_inclined_notch_leaves_out_the_cells_with_centres_in_it(tmp_path: Path) -> None:

@@ -152,10 +152,12 @@ def fields_at(time: float, count: int = 50) -> Fields:
 
 
 def write_frames(folder: Path, until: float = 3.0, after: float = -np.inf, count: int = 50) -> None:
-    writer = FrameWriter(folder / "frames", (0.0, 1.0, 2.0, 3.0), after)
+    writer = FrameWriter(folder / "frames", (0.0, 1.0, 2.0, 3.0))
+    writer.start(SimpleNamespace(u=after), "")
     for time in np.arange(0.0, until + 0.01, 0.25):
         if time > after:
-            writer.record(SimpleNamespace(u=time), SimpleNamespace(fields=lambda now=time: fields_at(now, count)))
+            solver = SimpleNamespace(fields=lambda now=time: fields_at(now, count))
+            writer.record(SimpleNamespace(u=time, is_good=True), solver)
 
 
 def test_frames_come_at_their_times_and_hold_the_points(tmp_path):

@@ -225,6 +225,9 @@ def run_command(
         int, typer.Option("--threads", min=1, help="threads of all jobs together; on a cluster, of each")
     ] = DEFAULT_THREADS,
     jobs: JobsOption = 1,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", min=0.0, help="seconds after which a run is given up; it can be resumed")
+    ] = None,
     accuracy: AccuracyOption = None,
     cluster: ClusterOption = None,
 ) -> None:
@@ -238,7 +241,7 @@ def run_command(
 
     each, console = threads if cluster else max(1, threads // jobs), _console()
     wanted = [
-        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume)
+        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
         for named in named_runs(_selected(case, tier), run_names)
     ]
     # a mistake in the last case is told before the first run

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.schema import Body
+from cases.bodies import Body
 from mpm.explicit.points import Points
 from mpm.explicit.stresses import BodyLaw, degraded_stresses, elastic_stresses
 from mpm.explicit.transfers import DRIFT, STRIP, PointUpdate, transfers, trial_velocities

@@ -5,7 +5,7 @@ from typing import Any
 import psutil
 
 from cases import Case, UserError
-from cases.schema import Mesh
+from cases.discretisation import Mesh
 from cases.spacing import count_cells
 from verify.planning.calibration import Cost
 

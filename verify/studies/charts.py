@@ -18,7 +18,7 @@ import pandas as pd
 
 from cases import Case, Check
 from cases.judging import merge
-from cases.studies import Chart, Quantity, Varied, coordinates
+from cases.studies import Chart, ChartedMetric, Varied, coordinates
 from numerics.status import RunStatus
 from verify.judging.targets import target_of, value_of
 from verify.metrics.measures import fitted_order
@@ -174,7 +174,7 @@ class ChartStudy:
         for quantity in self.chart.quantities:
             self._require_reference(quantity)
 
-    def _require_reference(self, quantity: Quantity) -> None:
+    def _require_reference(self, quantity: ChartedMetric) -> None:
         place = f"{self.case.source}: charts.{self.name}.quantities"
         try:
             find_metric(quantity.metric)
@@ -219,7 +219,7 @@ class ChartStudy:
 
     # ---- errors
 
-    def target(self, quantity: Quantity) -> Target | None:
+    def target(self, quantity: ChartedMetric) -> Target | None:
         """The reference of a quantity; None where it differs from level to level or its runs do not give it."""
         if quantity.value is not None:
             return Target(quantity.value, 0.0)
@@ -249,7 +249,7 @@ class ChartStudy:
         return table
 
     def _row(
-        self, ladder: str, level: Variation, quantity: Quantity, target: Target | None, times: Times
+        self, ladder: str, level: Variation, quantity: ChartedMetric, target: Target | None, times: Times
     ) -> dict[str, Any]:
         run = self._run(level)
         row: dict[str, Any] = dict.fromkeys(COLUMNS, math.nan)
@@ -266,7 +266,7 @@ class ChartStudy:
         return row
 
     def _error(
-        self, quantity: Quantity, run: RunFolder, level: Variation, target: Target | None
+        self, quantity: ChartedMetric, run: RunFolder, level: Variation, target: Target | None
     ) -> dict[str, float]:
         """Value, reference, uncertainty and relative error; what the run does not give is left out.
 
@@ -286,19 +286,19 @@ class ChartStudy:
         return told | {"uncertainty": target.uncertainty / size, "error": error}
 
     def _distance(
-        self, quantity: Quantity, run: RunFolder, level: Variation, target: Target | None
+        self, quantity: ChartedMetric, run: RunFolder, level: Variation, target: Target | None
     ) -> tuple[float, float]:
         """A metric of two runs, against the finest run or the exact curve, and how sure it is."""
         if target is not None and target.finest is not None:
             return _distance(quantity, run, target.finest), target.uncertainty
         return value_of(self._exact_check(quantity, level), self.case, lambda _: run), 0.0
 
-    def _exact(self, quantity: Quantity, run: RunFolder, level: Variation) -> float:
+    def _exact(self, quantity: ChartedMetric, run: RunFolder, level: Variation) -> float:
         exact = target_of(self._exact_check(quantity, level), self.case, lambda _: run)
         assert exact is not None, "only metrics of two runs have no value elsewhere"
         return exact
 
-    def _exact_check(self, quantity: Quantity, level: Variation) -> Check:
+    def _exact_check(self, quantity: ChartedMetric, level: Variation) -> Check:
         if self.chart.reference is not None:
             raise ValueError(f"charts.{self.name}.reference: a run of it did not end well")
         return check_of(quantity.metric, level.run, "exact", parameters=quantity.parameters)
@@ -328,11 +328,11 @@ class ChartStudy:
         return folder / f"{self.name}.csv"
 
 
-def _value(quantity: Quantity, run: RunFolder) -> float:
+def _value(quantity: ChartedMetric, run: RunFolder) -> float:
     return find_metric(quantity.metric)(run, **quantity.parameters)
 
 
-def _distance(quantity: Quantity, run: RunFolder, finest: RunFolder) -> float:
+def _distance(quantity: ChartedMetric, run: RunFolder, finest: RunFolder) -> float:
     """A metric of two runs as a share: lengths are taken over the length of the finest run's crack."""
     metric = PAIR_METRICS[quantity.metric]
     distance = metric(run, finest, **quantity.parameters)

@@ -25,7 +25,7 @@ from numerics.status import RunStatus
 from verify.judging.targets import target_of
 from verify.metrics.registry import METRICS, find_metric
 from verify.runs.atomic import write_table
-from verify.runs.jobs import Job, OutOfTimeError
+from verify.runs.jobs import Job
 from verify.runs.run_folder import RunFolder
 from verify.studies.borders import BORDERS
 from verify.studies.probes import PROBES
@@ -60,7 +60,7 @@ WHOLE = 0.9
 #: how a run that did not end well is called on a map; a solver's further statuses are one more entry each
 VERDICTS = {
     RunStatus.NO_CONVERGENCE: NO_CONVERGENCE, RunStatus.EXPECTED_FAILURE: NO_CONVERGENCE,
-    RunStatus.BLEW_UP: BLEW_UP, RunStatus.FAILED: BLEW_UP,
+    RunStatus.BLEW_UP: BLEW_UP, RunStatus.FAILED: BLEW_UP, RunStatus.TIMED_OUT: TIMEOUT,
 }  # fmt: skip
 POWER_COLUMNS = ("y", "levels", "least", "largest", "power", "uncertainty")
 BORDER_COLUMNS = ("y", "below", "above", "verdict_below", "verdict_above", "measured", "border", "theory")
@@ -215,8 +215,7 @@ class MapStudy:
             why = {"reason": "the force is gone, nothing broke"}
             return Verdict(NUMERICAL_FRACTURE, **_at(history, torn), **(told | why))
         if len(history) == len(run.history) and info["status"] in VERDICTS:
-            late = info["reason"].startswith(OutOfTimeError.__name__)
-            return Verdict(TIMEOUT if late else VERDICTS[info["status"]], **_at(history), **told)
+            return Verdict(VERDICTS[info["status"]], **_at(history), **told)
         told["reason"] = "" if wanted is not None else told["reason"]
         drift = self._drift(history)
         if drift is not None:

@@ -81,7 +81,7 @@ class Variation:
         """The run to do."""
         return Job(
             case.source, case.name, self.run, case.tier, options.out, options.threads,
-            resume=True, change=self.change, timeout=timeout, label=self.label,
+            resume=True, change=self.change, timeout=timeout, failures_count=timeout is not None, label=self.label,
         )  # fmt: skip
 
 
