@@ -9,9 +9,11 @@ from scipy.sparse import csr_matrix
 from cases import Case
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.constraints import NodeMotions, PointPenalty
+from mpm.quasi_static.point_basis import PointBasis
 from numerics.costs import Costs
 from numerics.linear_solvers import lift_empty_diagonal, linear_solver
 from numerics.sparse_pattern import LocalSystems, SymmetricPattern, gather_vector
+from physics.exact import SOLUTIONS
 
 
 class GridEquilibrium:
@@ -57,10 +59,14 @@ class GridEquilibrium:
         increment.reshape(-1)[free] = unknowns[self.equations[free]]
         return unknowns[self.size - self._n_tied :].copy()
 
-    def point_forces(self, cell: NDArray, value: NDArray, forces: NDArray) -> NDArray:
-        """Forces (2 n_nodes,) on the grid of those (n_points, 2) at points with functions ``value`` (n_points, k)."""
-        local = value[:, :, None] * forces[:, None, :]
-        return gather_vector(self._unknowns[cell], local, len(self.equations))
+    def body_forces(self, case: Case, positions: NDArray, basis: PointBasis) -> NDArray:
+        """Forces (2 n_nodes,) of the exact solution's body force on points (n_points, 2) at unit load."""
+        solution = SOLUTIONS.get(case.exact or "")
+        if solution is None or solution.body_force is None:
+            return np.zeros(len(self.equations))
+        forces = solution.body_force(case, positions, 1.0) * basis.values.volume[:, None]
+        local = basis.values.value[:, :, None] * forces[:, None, :]
+        return gather_vector(self._unknowns[basis.active.cells.cell], local, len(self.equations))
 
     def internal_forces(self) -> NDArray:
         """Forces (2 n_nodes,) of the local ones."""

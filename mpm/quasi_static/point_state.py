@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from numerics.phase_field_equation import ScalarAtPoints
+from numerics.refinement import carried
+
+
+class Places(NamedTuple):
+    """Where and in which direction (0 or 1) a body is held: positions (n, 2), component (n,)."""
+
+    positions: NDArray
+    component: NDArray
 
 
 @dataclass
@@ -33,6 +42,44 @@ class PointState:
     load: float
     force_scale: float = 0.0
     constraint_error: float = 0.0
+
+    @classmethod
+    def first(
+        cls, positions: NDArray, history_field: NDArray, nodal: NDArray, sizes: tuple[int, int], load: float
+    ) -> PointState:
+        """Whole, unloaded material; ``sizes`` are the numbers of springs and of tied places."""
+        return cls(
+            positions=positions.copy(),
+            displacement=np.zeros((len(positions), 2)),
+            gradient=np.zeros((len(positions), 4)),
+            phase_field=np.ones(len(positions)),
+            history_field=history_field,
+            nodal_phase_field=nodal,
+            so_far=np.zeros((len(nodal), 2)),
+            held=np.zeros(sizes[0]),
+            tied=np.zeros(sizes[1]),
+            load=load,
+        )
+
+    def carried(self, origin: NDArray, fresh: PointState, held: Places, nodes: NDArray) -> PointState:
+        """This state of points that began at ``origin`` (m, 2) as that of ``fresh`` ones, which have not moved yet.
+
+        held : places of the springs. nodes : (n_nodes, 2) of the grid of the fresh points.
+        """
+        nearest, displacement = carried(fresh.positions, origin, self.displacement, self.gradient)
+        of_springs = carried(held.positions, origin, self.displacement, self.gradient)[1]
+        return replace(
+            self,
+            positions=fresh.positions,
+            displacement=displacement,
+            gradient=self.gradient[nearest],
+            phase_field=self.phase_field[nearest],
+            history_field=self.history_field[nearest],
+            nodal_phase_field=fresh.nodal_phase_field,
+            so_far=carried(nodes, origin, self.displacement, self.gradient)[1],
+            held=of_springs[np.arange(len(of_springs)), held.component],
+            tied=self.tied.copy(),
+        )
 
 
 @dataclass

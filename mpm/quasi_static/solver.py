@@ -18,14 +18,12 @@ from mpm.quasi_static.constraints import node_motions, point_penalty
 from mpm.quasi_static.equilibrium import GridEquilibrium
 from mpm.quasi_static.phase_field import GridPhaseField
 from mpm.quasi_static.point_basis import PointBasis
-from mpm.quasi_static.point_state import PointState, TrialState
+from mpm.quasi_static.point_state import Places, PointState, TrialState
 from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton
-from numerics.refinement import carried
 from physics.elasticity import MaterialTable
-from physics.exact import SOLUTIONS
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
 
 
@@ -47,24 +45,15 @@ class MaterialPoints:
         self._springs = point_penalty(case, cloud, materials)
         coefficients = PhaseFieldCoefficients(materials, cloud.body)
         self._residual_stiffness = coefficients.residual_stiffness
-        self.state = self._first_state(coefficients)
+        self.state = PointState.first(
+            cloud.positions,
+            initial_history(case, cloud.positions, coefficients.toughness, coefficients.length_scale),
+            self._fracture.first() if self._fracture else np.ones(grid.n_nodes),
+            (len(self._springs.places), self._springs.n_tied),
+            case.load.path[0],
+        )
         self.trial = TrialState.of(self.state)
         self.costs.count["points"] = len(cloud.positions)
-
-    def _first_state(self, coefficients: PhaseFieldCoefficients) -> PointState:
-        places, n_nodes = self.basis.cloud.positions, self.basis.grid.n_nodes
-        return PointState(
-            positions=places.copy(),
-            displacement=np.zeros((len(places), 2)),
-            gradient=np.zeros((len(places), 4)),
-            phase_field=np.ones(len(places)),
-            history_field=initial_history(self.case, places, coefficients.toughness, coefficients.length_scale),
-            nodal_phase_field=self._fracture.first() if self._fracture else np.ones(n_nodes),
-            so_far=np.zeros((n_nodes, 2)),
-            held=np.zeros(len(self._springs.places)),
-            tied=np.zeros(self._springs.n_tied),
-            load=self.case.load.path[0],
-        )
 
     # ---------------------------------------------------------------- staggered scheme
 
@@ -109,7 +98,7 @@ class MaterialPoints:
         value = basis.values_beside(springs.places, springs.offset)
         nodes = basis.active.nodes_of_points()[springs.places]
         springs.find_in_grid(nodes, value, self._equilibrium.equations, self._equilibrium.size)
-        self._external = self._body_forces()
+        self._external = self._equilibrium.body_forces(self.case, self.state.positions, basis)
         self.costs.count["active_cells"] = int(np.count_nonzero(basis.active.counts))
 
     def _use_cells(self, active: ActiveGrid) -> None:
@@ -117,15 +106,6 @@ class MaterialPoints:
         self._equilibrium = GridEquilibrium(self.case, active, self._node_motions, self._springs, self.costs)
         if self._fracture:
             self._fracture.use_cells(active)
-
-    def _body_forces(self) -> NDArray:
-        """Grid forces (2 n_nodes,) of the exact solution's body force at unit load."""
-        solution = SOLUTIONS.get(self.case.exact or "")
-        if solution is None or solution.body_force is None:
-            return np.zeros(self.state.so_far.size)
-        values = self.basis.values
-        forces = solution.body_force(self.case, self.state.positions, 1.0) * values.volume[:, None]
-        return self._equilibrium.point_forces(self.basis.active.cells.cell, values.value, forces)
 
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field at the points for a history field (n_points,), Eq. 4.16."""
@@ -253,25 +233,11 @@ class MaterialPoints:
 
     def take_over(self, other: MaterialPoints) -> None:
         """Begin with the committed state of ``other``, whose grid and points are others of the same bodies."""
-        before, old, springs = other.state, other.basis.cloud.positions, self._springs
-        places = self.basis.cloud.positions
-        nearest, displacement = carried(places, old, before.displacement, before.gradient)
-        held = places[springs.places] + springs.offset
-        moved = carried(held, old, before.displacement, before.gradient)[1]
-        state = PointState(
-            positions=places + displacement if self.case.mpm.move_points else self.state.positions,
-            displacement=displacement,
-            gradient=before.gradient[nearest],
-            phase_field=before.phase_field[nearest],
-            history_field=before.history_field[nearest],
-            nodal_phase_field=self.state.nodal_phase_field,
-            so_far=carried(self.basis.grid.nodes, old, before.displacement, before.gradient)[1],
-            held=moved[np.arange(len(moved)), springs.component],
-            tied=before.tied.copy(),
-            load=before.load,
-            force_scale=before.force_scale,
-            constraint_error=before.constraint_error,
-        )
+        springs, places = self._springs, self.basis.cloud.positions
+        held = Places(places[springs.places] + springs.offset, springs.component)
+        state = other.state.carried(other.basis.cloud.positions, self.state, held, self.basis.grid.nodes)
+        if self.case.mpm.move_points:
+            state.positions = places + state.displacement
         self._begin_with(state)
 
     def _begin_with(self, state: PointState) -> None:
