@@ -26,7 +26,7 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from cases import Case, UserError, load_case
 from cases.judging import TIERS
-from verify.judging.judge import read_baseline
+from verify.judging.baseline import read_baseline
 from verify.planning.recorded_prices import read_prices
 
 PAGE_FILE = "README.md"

@@ -274,14 +274,13 @@ def test_half_a_run_is_never_judged(tmp_path: Path) -> None:
     assert judged.verdict == "MISSING"
 
 
-def test_a_history_with_nan_fails_its_checks(tmp_path: Path) -> None:
-    case, out = made(tmp_path, fake_solver.check("fem", 0.03))
-    history = run_path(out, case.name, case.tier, "mpm") / "history.csv"
-    lines = history.read_text().splitlines()
-    cells = lines[4].split(",")
-    lines[4] = ",".join([*cells[:3], "nan", *cells[4:]])
-    history.write_text("\n".join(lines) + "\n")
-    judged = judge_case(case, out)
+def test_a_history_with_nan_fails_its_checks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_force(solver: fake_solver.FakeSolver, case: Case, after: object = None) -> Iterator[Increment]:
+        for increment in fake_solver.fake_increments(solver, case):
+            yield replace(increment, F=math.nan) if increment.step == 3 else increment
+
+    fake_solver.install(monkeypatch, without_force)
+    judged = judge_case(*made(tmp_path, fake_solver.check("fem", 0.03)))
     assert judged.verdict == "FAIL"
     assert "NaN" in judged.checks[0].note
 
