@@ -8,10 +8,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from cases.case import Case
 from cases.errors import CaseError
 from cases.judging import TIERS, merge, nest
 from cases.messages import case_error, sentence
-from cases.schema import Case, CaseDescription
+from cases.schema import CaseDescription
 from cases.table import Table, nearest, unknown_key_remedy
 from cases.units import Units
 

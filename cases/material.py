@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cases.errors import BrokenRuleError
+from cases.splits import ANISOTROPIC_SPLITS, SplitName
 from cases.table import Table
 from cases.units import Density, Length, Number, Stress, Toughness
 
@@ -81,7 +82,7 @@ class Fracture(Table):
     toughness: Annotated[Toughness, Field(gt=0)]
     length_scale: Annotated[Length, Field(gt=0)]
     residual_stiffness: Annotated[Number, Field(ge=0, lt=1)] = 0.0
-    split: Literal["spectral", "volumetric_deviatoric", "none", "orthogonal"] = "spectral"
+    split: SplitName = "spectral"
     order: Literal[2, 4] = 2
     gamma: Gamma = Field(default_factory=lambda: Gamma(**_ISOTROPIC))
     orientation: Number = 0.0
@@ -199,7 +200,7 @@ class Material(Table):
         if isotropic:
             text = f"stands beside {', '.join(sorted(isotropic))}"
             raise BrokenRuleError(text, "remove it, or the isotropic constants", "stiffness")
-        if self.fracture is not None and self.fracture.split not in ("none", "orthogonal"):
+        if self.fracture is not None and self.fracture.split not in ANISOTROPIC_SPLITS:
             text = "is a split of isotropic materials, beside a stiffness"
             raise BrokenRuleError(text, 'give "orthogonal" or "none"', "fracture.split", self.fracture.split)
 

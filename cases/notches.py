@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cases.errors import BrokenRuleError
@@ -30,6 +32,21 @@ class Segment(Table):
             return 1
         return 0 if self.start[0] == self.end[0] else None
 
+    @property
+    def length(self) -> float:
+        """Distance of the ends [length]."""
+        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
+
+    @property
+    def direction(self) -> NDArray[np.float64]:
+        """Unit vector (2,) from start to end."""
+        return (np.asarray(self.end) - np.asarray(self.start)) / self.length
+
+    def coordinates(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distance of points (..., 2) along the notch from its start, and to the left of it [length]."""
+        offset, (x, y) = points - np.asarray(self.start), self.direction
+        return offset @ self.direction, x * offset[..., 1] - y * offset[..., 0]
+
 
 class SlitNotch(Segment):
     """Two faces without a gap: nodes are doubled along the segment."""
@@ -45,6 +62,11 @@ class CellsNotch(Segment):
 
     kind: Literal["cells"]
     width: Annotated[Length, Field(gt=0)]
+
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Mask (n,) of the points (n, 2) in the rectangle of the width about the segment, its sides included."""
+        along, aside = self.coordinates(points)
+        return (along >= 0.0) & (along <= self.length) & (np.abs(aside) <= self.width / 2.0)
 
 
 class HistoryNotch(Segment):

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cases.case import Case
 from cases.notches import CellsNotch, HistoryNotch, Notch
-from cases.schema import Case
 
 Array = NDArray[np.float64]
 
@@ -36,14 +36,54 @@ def grid_lines(case: Case) -> tuple[Array, Array]:
     return _lines_along(case, 0), _lines_along(case, 1)
 
 
+def count_cells(case: Case) -> int:
+    """Cells of the grid of `grid_lines`, in bodies and beside them, without making any."""
+    return math.prod(sum(_cells_between(*_fixed_lines(case, axis))) for axis in (0, 1))
+
+
+def grid_blocks(case: Case, most: int) -> Blocks:
+    """The grid of `grid_lines` as no more than `most` blocks along each axis, however many cells it has."""
+    widths, middles, cells = zip(*(_blocks_along(case, axis, most) for axis in (0, 1)), strict=True)
+    centres = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
+    return Blocks(centres, np.outer(*widths).ravel(), np.full(len(centres), math.prod(cells)))
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Rectangles of the grid: centres (n, 2) [length], areas (n,) [length²] and the cells in each of them (n,)."""
+
+    centres: Array
+    areas: Array
+    cells: Array
+
+
+def _blocks_along(case: Case, axis: int, most: int) -> tuple[Array, Array, float]:
+    """Widths and middles (n,) of blocks of equally many cells, and this number of cells."""
+    spacing, fixed = _fixed_lines(case, axis)
+    cells = sum(_cells_between(spacing, fixed))
+    number = min(cells, most)
+    lines = np.array([spacing.place(n) for n in np.linspace(0.0, spacing.passed[-1], number + 1)])
+    return np.diff(lines), 0.5 * (lines[1:] + lines[:-1]), cells / number
+
+
+def _cells_between(spacing: _Spacing, fixed: list[float]) -> list[int]:
+    """Cells between each two of the lines that must be."""
+    return [spacing.cells_between(a, b) for a, b in pairwise(fixed)]
+
+
 def _lines_along(case: Case, axis: int) -> Array:
+    spacing, fixed = _fixed_lines(case, axis)
+    pieces = [spacing.subdivided(a, b) for a, b in pairwise(fixed)]
+    return np.array([*(x for piece in pieces for x in piece[:-1]), fixed[-1]])
+
+
+def _fixed_lines(case: Case, axis: int) -> tuple[_Spacing, list[float]]:
+    """The spacing along an axis, and the lines that it must have."""
     lower, upper = (float(corner[axis]) for corner in case.bounding_box())
     fine = _fine_interval(case, axis, lower, upper)
     wanted = [lower, upper, *_feature_lines(case, axis), *fine]
     fixed = _merge_near(wanted, case.mesh.h * SAME_LINE, lower, upper)
-    spacing = _Spacing.along(case, axis, fine, lower, upper)
-    pieces = [spacing.subdivided(a, b) for a, b in pairwise(fixed)]
-    return np.array([*(x for piece in pieces for x in piece[:-1]), fixed[-1]])
+    return _Spacing.along(case, axis, fine, lower, upper), fixed
 
 
 def _fine_interval(case: Case, axis: int, lower: float, upper: float) -> tuple[float, float]:
@@ -123,18 +163,23 @@ class _Spacing:
         """Lines from a to b, both included: equal steps of the number of cells passed."""
         inside = (self.knots > a) & (self.knots < b)
         sizes = np.interp([a, *self.knots[inside], b], self.knots, self.sizes)
-        first, last = self._cells_up_to(a), self._cells_up_to(b)
-        number = _cells(last - first)
+        number = self.cells_between(a, b)
         if np.ptp(sizes) <= SAME_LINE * sizes.min():
             return np.linspace(a, b, number + 1)
-        return np.array([a, *(self._place(n) for n in np.linspace(first, last, number + 1)[1:-1]), b])
+        places = np.linspace(self._cells_up_to(a), self._cells_up_to(b), number + 1)[1:-1]
+        return np.array([a, *(self.place(n) for n in places), b])
+
+    def cells_between(self, a: float, b: float) -> int:
+        """Equal steps of the number of cells passed from a to b, no larger than they may be."""
+        return _cells(self._cells_up_to(b) - self._cells_up_to(a))
 
     def _cells_up_to(self, x: float) -> float:
         k = self._piece(self.knots, x)
         size = float(np.interp(x, self.knots, self.sizes))
         return float(self.passed[k] + _passed(x - self.knots[k], self.sizes[k], size))
 
-    def _place(self, cells: float) -> float:
+    def place(self, cells: float) -> float:
+        """Where so many cells have been passed."""
         k = self._piece(self.passed, cells)
         step, size = cells - self.passed[k], self.sizes[k]
         rate = (self.sizes[k + 1] - size) / (self.knots[k + 1] - self.knots[k])

@@ -80,7 +80,7 @@ class Varied(Table):
         return list(self.levels)
 
 
-class Quantity(Table):
+class ChartedMetric(Table):
     """A metric whose error is charted, with its parameters.
 
     value : what it is exactly; left out, the chart's reference or the case's exact solution tells
@@ -117,7 +117,7 @@ class Chart(Table):
 
     title: str = ""
     change: Tables = Field(default_factory=dict)
-    quantities: Annotated[tuple[Quantity, ...], Field(min_length=1)]
+    quantities: Annotated[tuple[ChartedMetric, ...], Field(min_length=1)]
     reference: Finest | None = None
     ladders: Annotated[dict[Name, Ladder], Field(min_length=1)]
     targets: Annotated[tuple[Annotated[Number, Field(gt=0)], ...], Field(min_length=1)] = (0.05, 0.01, 0.002)
@@ -148,7 +148,7 @@ class Judged(Table):
 
     metric: Name
     against: str
-    measure: Literal["relative", "absolute"] = "relative"
+    error_kind: Literal["relative", "absolute"] = "relative"
     within: Annotated[tuple[Annotated[Number, Field(gt=0)], ...], BeforeValidator(_as_list), Field(min_length=1)]
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 
@@ -192,6 +192,3 @@ class Map(Table):
     def varied_keys(self) -> list[str]:
         """Dotted keys that differ from cell to cell."""
         return [key for key in (*self.x, *self.y) if key not in (RUN, REACHED)]
-
-
-__all__ = ["Chart", "Finest", "Judged", "Ladder", "Levels", "Map", "Quantity", "Varied", "coordinates", "level_changes"]

@@ -51,6 +51,13 @@ def nearest(word: str, known: list[str], otherwise: str) -> str:
     return f"{otherwise} (known: {', '.join(known)})" if known else otherwise
 
 
+def only_known(tables: dict[str, Any], known: tuple[str, ...], prefix: str, text: str) -> None:
+    """Raise BrokenRuleError for the first key that is not known, with `prefix` as its table's key."""
+    for key in tables:
+        if key not in known:
+            raise BrokenRuleError(text, nearest(key, list(known), "change another table"), f"{prefix}.{key}")
+
+
 def require_one(table: Table, what: str, keys: tuple[str, ...]) -> None:
     """Raise BrokenRuleError unless exactly one of the optional keys of the table is given."""
     given = [key for key in keys if getattr(table, key) not in (None, False)]

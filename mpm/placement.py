@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.bodies import Body
 from cases.geometry import Shape
 from cases.spacing import grid_lines
+from numerics.description import outlines
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def place_points(case: Case) -> PointCloud:
     corner = (widths * (lower - local)).reshape(-1, 2)
     volume = size.prod(axis=1) * case.plane.thickness
     body = case.inside(positions)
-    kept = (body >= 0) & ~_in_notch(case, positions)
+    kept = (body >= 0) & ~case.left_out(positions)
     return PointCloud(positions[kept], volume[kept], size[kept], corner[kept], body[kept])
 
 
@@ -69,17 +71,44 @@ def _place_in_body(case: Case, number: int) -> tuple[NDArray, ...]:
         positions, size = _on_rings(*circles, case.mesh.h / case.mpm.points_per_cell)
         corner = -0.5 * size
     else:
-        lower, upper = body.bounds()
-        n_x, n_y = np.maximum(1, np.ceil((upper - lower) / case.mesh.h - 1e-6)).astype(int)
-        width = (upper - lower) / (n_x, n_y)
+        lower, _ = body.bounds()
+        (n_x, n_y), width = _cells_of_body(case, body)
         cells = np.stack(np.meshgrid(np.arange(n_x), np.arange(n_y), indexing="ij"), -1).reshape(-1, 1, 2)
         local, start, extent = _local_points(case, len(cells))
         positions = (lower + width * (cells + local)).reshape(-1, 2)
         size = np.broadcast_to(width * extent, (len(cells), *extent.shape[1:])).reshape(-1, 2)
         corner = np.broadcast_to(width * (start - local), (len(cells), *extent.shape[1:])).reshape(-1, 2)
-    kept = (case.inside(positions) == number) & ~_in_notch(case, positions)
+    kept = (case.inside(positions) == number) & ~case.left_out(positions)
     volume = size.prod(axis=1) * case.plane.thickness
     return positions[kept], volume[kept], size[kept], corner[kept], np.full(kept.sum(), number)
+
+
+def cells_in_bodies(case: Case) -> NDArray:
+    """Cells (n_bodies,) that the points of `place_in_bodies` fill in each body, from its area: without placing any."""
+    areas = [outline.area for outline in outlines(case)]
+    bodies = zip(case.bodies.values(), areas, strict=True)
+    return np.array([area / _area_of_cell(case, body) for body, area in bodies])
+
+
+def _area_of_cell(case: Case, body: Body) -> float:
+    """Area that ``points_per_cell`` squared points of a body stand for [length²]."""
+    circles = _circles(body.shape) if case.mpm.placement == "rings" else None
+    if circles is None:
+        return float(np.prod(_cells_of_body(case, body)[1]))
+    _, inner, outer = circles
+    per_cell = case.mpm.points_per_cell
+    return (per_cell * (outer - inner) / _number_of_rings(inner, outer, case.mesh.h / per_cell)) ** 2
+
+
+def _cells_of_body(case: Case, body: Body) -> tuple[NDArray, NDArray]:
+    """Number (2,) and width (2,) of the cells over a body's bounding box."""
+    lower, upper = body.bounds()
+    number = np.maximum(1, np.ceil((upper - lower) / case.mesh.h - 1e-6)).astype(int)
+    return number, (upper - lower) / number
+
+
+def _number_of_rings(inner: float, outer: float, spacing: float) -> int:
+    return max(1, int(np.ceil((outer - inner) / spacing - 1e-6)))
 
 
 def _circles(shape: Shape | None) -> tuple[NDArray, float, float] | None:
@@ -95,7 +124,7 @@ def _circles(shape: Shape | None) -> tuple[NDArray, float, float] | None:
 
 def _on_rings(centre: NDArray, inner: float, outer: float, spacing: float) -> tuple[NDArray, NDArray]:
     """Positions (n, 2) on circles and sizes (n, 2), radially and round about, that fill a ring without overlap."""
-    n_rings = max(1, int(np.ceil((outer - inner) / spacing - 1e-6)))
+    n_rings = _number_of_rings(inner, outer, spacing)
     thickness = (outer - inner) / n_rings
     positions, size = [], []
     for radius in inner + thickness * (np.arange(n_rings) + 0.5):
@@ -125,17 +154,3 @@ def _local_points(case: Case, n_cells: int) -> tuple[NDArray, NDArray, NDArray]:
     points, lower, extent = pairs
     # one cell stands for all
     return points, np.repeat(lower, n_cells, axis=0), np.repeat(extent, n_cells, axis=0)
-
-
-def _in_notch(case: Case, positions: NDArray) -> NDArray:
-    """Points (n,) in the notches that are left out of the body."""
-    out = np.zeros(len(positions), bool)
-    for notch in case.notches:
-        if notch.kind == "cells":
-            start, end = np.array(notch.start, float), np.array(notch.end, float)
-            length = np.linalg.norm(end - start)
-            tangent = (end - start) / length
-            along = (positions - start) @ tangent
-            across = (positions - start) @ np.array([-tangent[1], tangent[0]])
-            out |= (along >= 0) & (along <= length) & (np.abs(across) <= 0.5 * notch.width)
-    return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from typing import Protocol
 
 import numpy as np
@@ -65,8 +66,11 @@ class Pardiso:
         self._analysed = False
 
     def __del__(self) -> None:
-        if not sys.is_finalizing():
-            self._solver.free_memory(everything=True)
+        # an interrupt may have come before there was a solver, or in the midst of its work
+        solver = getattr(self, "_solver", None)
+        if solver is not None and not sys.is_finalizing():
+            with suppress(PyPardisoError):
+                solver.free_memory(everything=True)
 
     def take(self, pattern: Pattern) -> None:
         """Solve for matrices of another pattern from now on."""

@@ -2,7 +2,8 @@
 
 The cells are kept in square blocks. Blocks with a cell whose phase field would change by more than a tolerance make the
 window, together with four rings of blocks around them; outside it the phase field stays, and it is held at nodes that
-cells outside the window share. What a change leaves out has decayed by exp(-RINGS BLOCK / 2).
+cells outside the window share. What a change leaves out has decayed by exp(-RINGS BLOCK / 2). Where cells are larger than
+that, blocks are so large that the rings hold every neighbour of a cell.
 """
 
 from __future__ import annotations
@@ -46,10 +47,11 @@ class Blocks:
     nodes : (n_cells, k) of each cell.
     n_nodes : number of all nodes.
     breakable : (n_cells,) cells that take part.
-    size : side of a block [length].
+    length_scale : l0 [length].
     """
 
-    def __init__(self, centres: NDArray, nodes: NDArray, n_nodes: int, breakable: NDArray, size: float) -> None:
+    def __init__(self, centres: NDArray, nodes: NDArray, n_nodes: int, breakable: NDArray, length_scale: float) -> None:
+        size = max(BLOCK * length_scale, _farthest_neighbour(centres, nodes, n_nodes) / (RINGS - 0.5))
         place = np.floor((centres - centres.min(axis=0)) / size).astype(np.int64)
         self._shape = tuple(place.max(axis=0) + 1)
         self._block = place[:, 0] * self._shape[1] + place[:, 1]
@@ -70,6 +72,14 @@ class Blocks:
         cells = np.concatenate([self._members[self._starts[b] : self._starts[b + 1]] for b in chosen])
         shared_here = np.bincount(self._nodes[cells].ravel(), minlength=len(self._shared_by))
         return Window(cells, np.flatnonzero((shared_here > 0) & (shared_here == self._shared_by)))
+
+
+def _farthest_neighbour(centres: NDArray, nodes: NDArray, n_nodes: int) -> float:
+    """Largest distance in x or y between the centres (n_cells, 2) of cells that share one of their nodes (n_cells, k)."""
+    lowest, highest = np.full((n_nodes, 2), np.inf), np.full((n_nodes, 2), -np.inf)
+    np.minimum.at(lowest, nodes, centres[:, None])
+    np.maximum.at(highest, nodes, centres[:, None])
+    return float((highest - lowest).max())
 
 
 @njit(cache=True)
@@ -108,7 +118,7 @@ def conjugate_gradients(
     order 4 the bends do.
     """
     correction = np.zeros(len(right_side))
-    pull = PULL * sources.max()
+    pull = PULL * sources.max(initial=0.0)
     iterations = _solve_rows(neighbours, values, diagonal, right_side, pull, share * (sources + pull), correction)
     if iterations < 0:
         raise LinearSolverError(NOT_FOUND)

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.material import Material
+from cases.splits import ROOTED_SPLITS
+from physics.splits import SPLIT_CODES
 
 from .surface_energy import curvature_operator, rotation
-
-SPLIT_CODES = {"none": 0, "volumetric_deviatoric": 1, "spectral": 2}
-#: added to the code of a split that acts on strain~
-ROOTED = 3
 
 
 def in_plane_first_lame(lame_lambda: float, shear_modulus: float, assumption: str) -> float:
@@ -52,12 +50,13 @@ def energy_root(stiffness: NDArray) -> NDArray:
 class Law(NamedTuple):
     """Elastic laws as arrays over bodies, as compiled loops take them.
 
-    ``split`` is a code of ``SPLIT_CODES`` and ``lam``, ``mu`` [stress] are in-plane constants. Where ``ROOTED``
-    is added to the code, the split acts on strain~ = R strain, with lambda = 0 and mu = 1/2, and stress = R^T stress~;
+    ``split`` is a code of ``SPLIT_CODES`` and ``lam``, ``mu`` [stress] are in-plane constants. Where a body
+    ``is_rooted``, the split acts on strain~ = R strain, with lambda = 0 and mu = 1/2, and stress = R^T stress~;
     ``root`` (n_bodies, 3, 3) is R of ``energy_root``.
     """
 
     split: NDArray
+    is_rooted: NDArray
     lam: NDArray
     mu: NDArray
     root: NDArray
@@ -65,26 +64,26 @@ class Law(NamedTuple):
     @classmethod
     def isotropic(cls, split: str, lam: float, mu: float) -> Law:
         """The law of one isotropic body, for the splits that need no root."""
-        return cls(np.array([SPLIT_CODES[split]]), np.array([lam]), np.array([mu]), np.zeros((1, 3, 3)))
+        code, root = np.array([SPLIT_CODES[split]]), np.zeros((1, 3, 3))
+        return cls(code, np.array([False]), np.array([lam]), np.array([mu]), root)
 
     @classmethod
     def rooted(cls, split: str, stiffness: NDArray) -> Law:
-        """The law of one body of any stiffness C (3, 3) with the split "none" or "orthogonal" (He and Shao 2019)."""
-        # with lambda = 0 and mu = 1/2 the spectral split parts strain~ by its principal values
-        code = ROOTED + SPLIT_CODES["spectral" if split == "orthogonal" else split]
-        return cls(np.array([code]), np.zeros(1), np.full(1, 0.5), energy_root(stiffness)[None])
+        """The law of one body of any stiffness C (3, 3), split after its strain~ (He and Shao 2019)."""
+        code, root = np.array([SPLIT_CODES[split]]), energy_root(stiffness)[None]
+        return cls(code, np.array([True]), np.zeros(1), np.full(1, 0.5), root)
 
     @classmethod
     def of(cls, material: Material, assumption: str) -> Law:
         """The law of a material in a plane case."""
         split = material.fracture.split if material.fracture else "none"
-        if material.is_anisotropic or split == "orthogonal":
+        if material.is_anisotropic or split in ROOTED_SPLITS:
             return cls.rooted(split, in_plane_stiffness(material, assumption))
         return cls.isotropic(split, in_plane_first_lame(material.lam, material.mu, assumption), material.mu)
 
     def without_split(self) -> Law:
         """The same stiffnesses with all energy degraded."""
-        return self._replace(split=np.where(self.split >= ROOTED, ROOTED, SPLIT_CODES["none"]))
+        return self._replace(split=np.full_like(self.split, SPLIT_CODES["none"]))
 
 
 class MaterialTable:

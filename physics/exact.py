@@ -23,7 +23,7 @@ class ExactSolution:
     """What is known exactly of a case; None where nothing is.
 
     ``velocity`` (n, 2) and ``strain`` (n, 3; xx, yy, engineering xy) are those at the start of a dynamic case, whose
-    load is the time. ``force`` is (case, load) -> F; ``phase_field_minimum`` is (case, load) -> smallest c.
+    load is the time. ``force`` is (case, load) -> F.
     """
 
     displacement: Field | None = None
@@ -33,7 +33,6 @@ class ExactSolution:
     stress: Field | None = None
     phase_field: Field | None = None
     force: Callable[[Case, float], float] | None = None
-    phase_field_minimum: Callable[[Case, float], float] | None = None
     fracture_energy: Callable[[Case], float] | None = None
     values: Mapping[str, Callable[..., float]] = field(default_factory=dict)
 
@@ -138,7 +137,7 @@ def _bar_force(case: Case, load: float) -> float:
 SOLUTIONS: dict[str, ExactSolution] = {
     "elastic_sine": ExactSolution(displacement=_sine_displacement, body_force=_sine_body_force),
     "crack_profile": ExactSolution(phase_field=_crack_profile, fracture_energy=_crack_energy),
-    "homogeneous_bar": ExactSolution(force=_bar_force, phase_field_minimum=_bar_phase_field),
+    "homogeneous_bar": ExactSolution(force=_bar_force),
     "vibrating_bar": ExactSolution(velocity=exact_motion.bar_velocity, values={"period": exact_motion.bar_period}),
     "spinning_disc": ExactSolution(
         displacement=exact_motion.spinning_displacement, strain=exact_motion.spinning_strain,

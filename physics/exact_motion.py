@@ -128,6 +128,8 @@ def _gravity(case: Case) -> tuple[float, float]:
 def sliding_distance(case: Case, *, body: str, time: float, direction: str = "x") -> float:
     """Of a block: it stays where gravity along the floor is below friction, else (g_x - mu g_y) t² / 2, with what
     its velocity at the start adds until friction has stopped it [length]."""
+    if direction != "x":
+        return 0.0  # it stays on the floor
     along, into = _gravity(case)
     resistance = case.contact.friction * into
     start = case.bodies[body].velocity[0]
@@ -140,6 +142,8 @@ def sliding_distance(case: Case, *, body: str, time: float, direction: str = "x"
 
 def rolling_distance(case: Case, *, body: str, time: float, direction: str = "x") -> float:
     """Of a cylinder on an incline, whose gravity is turned with it (Eq. 6.50) [length]."""
+    if direction != "x":
+        return 0.0  # it stays on the floor
     along, into = _gravity(case)
     if along > 3.0 * case.contact.friction * into:
         return 0.5 * time**2 * (along - case.contact.friction * into)

@@ -11,6 +11,7 @@ whose last term on the left is that of materials of order 4 alone.
 from __future__ import annotations
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from cases import Case
@@ -21,11 +22,13 @@ from .elasticity import MaterialTable
 BROKEN = 0.25
 
 
+@register_jitable
 def degradation(phase_field: NDArray, residual_stiffness: NDArray | float) -> NDArray:
-    """g = (1 - k_f) c^2 + k_f, Eq. 2.48."""
+    """g = (1 - k_f) c^2 + k_f, Eq. 2.48; for arrays, and for one point in compiled loops."""
     return (1.0 - residual_stiffness) * phase_field**2 + residual_stiffness
 
 
+@register_jitable
 def crack_density(
     phase_field: NDArray, gradient_squared: NDArray, length_scale: NDArray, curvature_squared: NDArray | float = 0.0
 ) -> NDArray:
@@ -35,6 +38,21 @@ def crack_density(
     """
     density = (phase_field - 1.0) ** 2 / (4.0 * length_scale) + length_scale * gradient_squared
     return density + length_scale**3 * curvature_squared
+
+
+@register_jitable
+def expected_change(phase_field, history_field, solved_for, drive, resistance):
+    """How much the phase field, found for one history field [stress], would change for another where it has no gradient.
+
+    drive, resistance [stress] : as in `PhaseFieldCoefficients`.
+    """
+    return drive * abs(history_field - solved_for) * phase_field / (drive * history_field + resistance)
+
+
+@register_jitable
+def breaks_now(phase_field, broken_at):
+    """Whether a crack has reached a point that had not broken before; ``broken_at`` is the time when it did, or NaN."""
+    return (phase_field < BROKEN) & np.isnan(broken_at)
 
 
 def update_history(committed: NDArray, tensile_energy: NDArray) -> NDArray:

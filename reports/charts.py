@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,12 +10,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import NullFormatter
 
-from cases.solvers import SOLVERS
 from numerics.status import RunStatus
 from verify.studies.charts import choice_sentence
 from verify.studies.study import MADE_BEFORE, is_of_state, state_of
 
 from . import style
+from .results import method_of
 from .words import listed, number
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 FAILED = [status for status in RunStatus if status.failed]
 COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations, or points × steps"}
-MARKERS = "osD^vP"
 
 
 def accuracy_against_cost(results: CaseResults, folder: Path) -> list[style.Drawing]:
@@ -44,7 +44,9 @@ def draw_chart(file: Path, folder: Path, title: str = "", state: str | None = No
     """
     table = pd.read_csv(file)
     quantities = list(table["quantity"].unique())
-    figure, axes = style.panels(len(quantities), len(COSTS), 9.4, 0.8 + 2.7 * len(quantities), sharey="row", sharex="col")
+    figure, axes = style.panels(
+        len(quantities), len(COSTS), 9.4, 0.8 + 2.7 * len(quantities), grid=True, sharey="row", sharex="col"
+    )
     colours = style.colours_of(list(table["ladder"].unique()))
     for row, quantity in zip(axes, quantities, strict=True):
         part = table[table["quantity"] == quantity]
@@ -56,9 +58,7 @@ def draw_chart(file: Path, folder: Path, title: str = "", state: str | None = No
     for axis, words in zip(axes[-1], COSTS.values(), strict=True):
         axis.set_xlabel(words)
         axis.xaxis.set_minor_formatter(NullFormatter())
-    legends = [axis.get_legend_handles_labels() for axis in axes[:, 0]]
-    drawn = {label: handle for handles, labels in legends for handle, label in zip(handles, labels, strict=True)}
-    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=min(len(drawn), 4))
+    style.legend_below(figure, axes[:, 0], columns=4)
     name = f"chart-{style.slug(file.stem)}"
     title = f"Accuracy against cost: {title or file.stem}"
     return style.drawing(figure, folder, name, title, _caption(file, table, state), table)
@@ -66,12 +66,10 @@ def draw_chart(file: Path, folder: Path, title: str = "", state: str | None = No
 
 def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, str]) -> None:
     axis.set(xscale="log", yscale="log")
-    axis.grid(True)
-    axis.set_axisbelow(True)
-    for number_, (ladder, levels) in enumerate(part.groupby("ladder", sort=False)):
-        line = SOLVERS[str(levels["solver"].iloc[0])].line
+    for marker, (ladder, levels) in zip(cycle(style.MARKERS), part.groupby("ladder", sort=False), strict=False):
+        line = method_of(str(levels["solver"].iloc[0])).line
         axis.plot(
-            levels[cost], levels["error"], line, marker=MARKERS[number_ % len(MARKERS)], markersize=4,
+            levels[cost], levels["error"], line, marker=marker, markersize=4,
             color=colours[str(ladder)], label=str(ladder).replace("_", " "),
         )  # fmt: skip
     front = part[part["on_front"].astype(bool)]

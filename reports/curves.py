@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from cases import CaseError, load_case
-from cases.solvers import SOLVERS
-from verify.metrics.curves import Curve, CurveError, peak_index
+from verify.metrics.curves import BROKEN_FRACTION, Curve, CurveError, peak_index
 
 from . import style
-from .results import READING_ERRORS
-from .words import listed, number
+from .results import READING_ERRORS, method_of
+from .words import listed, metric_in_words, number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -25,25 +23,18 @@ if TYPE_CHECKING:
     from .results import CaseResults, RunResults
 
 LARGEST_ENERGY_PANELS = 6
-
-
 #: more runs than this have their legend below the curves
 MANY_RUNS = 6
-
-
-def run_label(run: RunResults) -> str:
-    """Return a run's name with its method, ``mpm_gmres (PF-MPM)``; only the method where both agree."""
-    method = SOLVERS[run.solver].title
-    return method if run.name == run.solver else f"{run.name} ({method})"
+#: a relative error beyond this is told as such: of a force that has vanished there is no share
+LARGEST_PERCENT = 100.0
 
 
 def published_curves(results: CaseResults) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the name and the points (columns u, F) of each reference that brings a curve."""
-    if results.case is None:
-        return
-    for name, reference in results.case.references.items():
-        if reference.curve:
-            yield name, pd.DataFrame(results.case.reference_curve(name), columns=["u", "F"])
+    for name, reference in results.case.references.items() if results.case else ():
+        points = results.case.reference_curve(name) if results.case and reference.curve else ()
+        if len(points):
+            yield name, pd.DataFrame(points, columns=["u", "F"])
 
 
 def peak_row(history: pd.DataFrame) -> pd.Series:
@@ -61,8 +52,9 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
         return None
     force, displacement = results.unit("force"), results.unit("displacement")
     many = len(runs) > MANY_RUNS
-    figure = Figure(figsize=(7.2, 4.2 + 0.09 * len(runs) * many), layout="constrained")
-    axes = style.curve_axes(figure, f"displacement u [{displacement}]", f"reaction force F [{force}]")
+    figure, axes = style.curve_axes(
+        7.2, 4.2 + 0.09 * len(runs) * many, f"displacement u [{displacement}]", f"reaction force F [{force}]"
+    )
     published = list(published_curves(results))
     _draw_published(axes, published)
     colours = style.colours_of([run.name for run in runs])
@@ -74,10 +66,10 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
     else:
         axes.legend(loc="best")
     tables = [run.history[["u", "F"]].assign(run=run.name) for run in runs]
-    tables += [points[["u", "F"]].assign(run=f"published: {name}") for name, points in published]
+    tables += [points.assign(run=f"published: {name}") for name, points in published]
     return style.drawing(
         figure, folder, "load-displacement", "Load and displacement",
-        f"Reaction force over displacement of {listed(run_label(run) for run in runs)}; "
+        f"Reaction force over displacement of {listed(run.label for run in runs)}; "
         "a ring marks the peak of each run. " + _published_caption(results, published),
         pd.concat(tables)[["run", "u", "F"]],
     )
@@ -91,7 +83,7 @@ def _published_caption(results: CaseResults, published: list[tuple[str, pd.DataF
 
 
 def _draw_published(axes: Any, published: list[tuple[str, pd.DataFrame]]) -> None:
-    for (name, points), marker in zip(published, cycle(style.PUBLISHED_MARKERS), strict=False):
+    for (name, points), marker in zip(published, cycle(style.MARKERS), strict=False):
         every = max(len(points) // 40, 1)  # a digitised curve of hundreds of points would hide the runs
         axes.plot(
             points["u"][::every], points["F"][::every], linestyle="none", marker=marker, markersize=3.6,
@@ -102,19 +94,13 @@ def _draw_published(axes: Any, published: list[tuple[str, pd.DataFrame]]) -> Non
 
 def _draw_history(axes: Any, run: RunResults, colour: str, force: str, displacement: str) -> None:
     history, peak = run.history, peak_row(run.history)
-    said = f"{run_label(run)}, peak {number(peak['F'])} {force} at {number(peak['u'])} {displacement}"
-    line = SOLVERS[run.solver].line
-    axes.plot(history["u"], history["F"], line, color=colour, label=said, zorder=3)
-    axes.plot(
-        peak["u"],
-        peak["F"],
-        "o",
-        markersize=7,
-        markerfacecolor="none",
-        color=colour,
-        markeredgewidth=1.2,
-        zorder=4,
-    )
+    said = f"{run.label}, peak {number(peak['F'])} {force} at {number(peak['u'])} {displacement}"
+    axes.plot(history["u"], history["F"], run.method.line, color=colour, label=said, zorder=3)
+    ring = {"markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.2}
+    axes.plot(peak["u"], peak["F"], "o", color=colour, zorder=4, **ring)
+
+
+# ---------------------------------------------------------------- relative error
 
 
 def relative_errors(results: CaseResults, folder: Path) -> list[style.Drawing]:
@@ -122,51 +108,54 @@ def relative_errors(results: CaseResults, folder: Path) -> list[style.Drawing]:
     compared: dict[str, list[dict[str, Any]]] = {}
     for curve in results.entry.get("curves") or []:
         if curve.get("file") and (results.out / curve["file"]).is_file():
-            compared.setdefault(_names(curve)[1], []).append(curve)
+            compared.setdefault(curve["reference"], []).append(curve)
     return [_relative_error(results, reference, curves, folder) for reference, curves in compared.items()]
-
-
-def _names(curve: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the names of the compared run and of its reference."""
-    run, _, reference = str(curve["against"]).partition(" vs ")
-    return str(curve.get("run") or run), str(curve.get("reference") or reference)
 
 
 def _relative_error(
     results: CaseResults, reference: str, curves: list[dict[str, Any]], folder: Path
 ) -> style.Drawing:
-    figure = Figure(figsize=(7.2, 3.2))
     unit = results.unit("displacement")
-    axes = style.curve_axes(figure, f"displacement u [{unit}]", "relative error, Eq. 4.19 [%]")
+    figure, axes = style.curve_axes(7.2, 3.2, f"displacement u [{unit}]", "relative error, Eq. 4.19 [%]")
     colours = style.colours_of([run.name for run in results.shown_runs()])
-    tables = [pd.read_csv(results.out / curve["file"]).assign(run=_names(curve)[0]) for curve in curves]
+    tables = [pd.read_csv(results.out / curve["file"]).assign(run=curve["run"]) for curve in curves]
+    carried = tables[0].iloc[int(np.nanargmax(tables[0]["F_reference"].abs()))]
     for curve, table in zip(curves, tables, strict=True):
-        run = results.runs.get(_names(curve)[0])
-        line = SOLVERS[run.solver].line if run else "-"
-        colour = colours.get(_names(curve)[0], style.INK)
-        axes.plot(table["u"], table["relative_error_percent"], line, color=colour, label=_names(curve)[0])
-    peak_u = float(tables[0]["u"].to_numpy()[np.nanargmax(np.abs(tables[0]["F_reference"].to_numpy(float)))])
+        run, name = results.runs.get(curve["run"]), curve["run"]
+        error = table["relative_error_percent"].where(_is_loaded(table, carried["F_reference"]))
+        axes.plot(
+            table["u"], error, run.method.line if run else "-", color=colours.get(name, style.INK), label=name
+        )
     axes.axhline(0.0, color=style.GREY, linewidth=0.8)
-    axes.axvline(peak_u, color=style.GREY, linewidth=0.9, linestyle=":", label=f"peak of {reference}")
+    axes.axvline(carried["u"], color=style.GREY, linewidth=0.9, linestyle=":", label=f"peak of {reference}")
     together = pd.concat(tables, ignore_index=True)
-    scaled = _calm_error_axis(axes, together, peak_u)
+    shown = together[_is_loaded(together, carried["F_reference"])]
+    scaled = _calm_error_axis(axes, shown, float(carried["u"]))
     axes.legend(loc="upper left")
-    name = f"relative-error-{style.slug(reference)}"
+    unloaded = (
+        f" Not drawn where {reference} carries less than {100 * BROKEN_FRACTION:g} % of its peak."
+        if len(shown) < len(together) else ""
+    )  # fmt: skip
     caption = (
         f"Relative error of the force against {reference}, Eq. 4.19. Its L2 norm: "
-        f"{'; '.join(_norms_in_words(curve) for curve in curves)}.{scaled}"
+        f"{'; '.join(_norms_in_words(curve) for curve in curves)}.{unloaded}{scaled}"
     )
+    name = f"relative-error-{style.slug(reference)}"
     return style.drawing(figure, folder, name, f"Relative error against {reference}", caption, together)
+
+
+def _is_loaded(table: pd.DataFrame, peak: float) -> pd.Series:
+    return table["F_reference"].abs() >= BROKEN_FRACTION * abs(peak)
 
 
 def _norms_in_words(curve: Mapping[str, Any]) -> str:
     parts = (("before_peak", "up to the peak"), ("after_peak", "after it"), ("whole", "whole curve"))
+    norms = ((curve.get(f"l2_percent_{key}"), words) for key, words in parts)
     said = (
-        f"{number(curve[f'l2_percent_{key}'], 3)} % {words}"
-        for key, words in parts
-        if curve.get(f"l2_percent_{key}") is not None
-    )
-    return f"{_names(curve)[0]} {', '.join(said)}"
+        f"{number(norm, 3)} % {words}" if norm <= LARGEST_PERCENT else f"above {LARGEST_PERCENT:g} % {words}"
+        for norm, words in norms if norm is not None
+    )  # fmt: skip
+    return f"{curve['run']} {', '.join(said)}"
 
 
 def _calm_error_axis(axes: Any, table: pd.DataFrame, peak_u: float) -> str:
@@ -182,6 +171,9 @@ def _calm_error_axis(axes: Any, table: pd.DataFrame, peak_u: float) -> str:
     return f" The axis is linear within ±{number(linear)} % (shaded) and logarithmic beyond."
 
 
+# ---------------------------------------------------------------- energies
+
+
 def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw elastic, fracture, kinetic energy, their sum and the external work of each run."""
     runs = results.shown_runs()
@@ -191,29 +183,22 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
     columns = min(len(shown), 3)
     rows = -(-len(shown) // columns)
     figure, grid = style.panels(
-        rows, columns, 7.2 if columns > 1 else 4.8, 2.9 * rows, sharey=True, sharex=True
+        rows, columns, 7.2 if columns > 1 else 4.8, 2.9 * rows, grid=True, sharey=True, sharex=True
     )
     for axes in grid.flat[len(shown) :]:
         axes.set_visible(False)
     for axes, run in zip(grid.flat, shown, strict=False):
         _draw_energies(axes, run)
-        axes.set_title(run_label(run))
-        axes.set_xlabel(f"displacement u [{results.unit('displacement')}]")
+        axes.set(title=run.label, xlabel=f"displacement u [{results.unit('displacement')}]")
     for axes in grid[:, 0]:
         axes.set_ylabel(f"energy [{results.unit('energy')}]")
-    handles, labels = grid.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    style.legend_below(figure, [grid.flat[0]], columns=5)
     left_out = f" {len(runs) - len(shown)} further runs are in the CSV." if len(shown) < len(runs) else ""
     return style.drawing(
         figure, folder, "energies", "Energies",
         f"Energies over displacement. {_balance_caption(shown)}{left_out}",
-        pd.concat([_energy_table(run) for run in runs]),
+        style.table_of(runs, ("u", "E_el", "E_frac", "E_kin", "W_ext")),
     )
-
-
-def _energy_table(run: RunResults) -> pd.DataFrame:
-    columns = [c for c in ("u", "E_el", "E_frac", "E_kin", "W_ext") if c in run.history]
-    return run.history[columns].assign(run=run.name)[["run", *columns]]
 
 
 def _energy_sum(history: pd.DataFrame) -> pd.Series:
@@ -222,9 +207,7 @@ def _energy_sum(history: pd.DataFrame) -> pd.Series:
 
 
 def _draw_energies(axes: Any, run: RunResults) -> None:
-    history, line = run.history, SOLVERS[run.solver].line
-    axes.grid(True)
-    axes.set_axisbelow(True)
+    history, line = run.history, run.method.line
     axes.plot(
         history["u"], history["W_ext"], color=style.GREY, linewidth=3.4, alpha=0.55, label="external work"
     )
@@ -236,17 +219,14 @@ def _draw_energies(axes: Any, run: RunResults) -> None:
 
 
 def _balance_caption(runs: list[RunResults]) -> str:
-    parts = []
-    for run in runs:
-        work = run.history["W_ext"]
-        if work.abs().max() > 0:
-            gap = (_energy_sum(run.history) - work).abs().max() / work.abs().max()
-            parts.append(f"{100 * gap:.2g} % ({run.name})")
-    return (
-        f"Largest gap between the sum and the external work, over the largest work: {listed(parts)}."
-        if parts
-        else ""
-    )
+    largest = {run.name: run.history["W_ext"].abs().max() for run in runs}
+    gaps = {run.name: (_energy_sum(run.history) - run.history["W_ext"]).abs().max() for run in runs}
+    parts = [f"{100 * gaps[name] / work:.2g} % ({name})" for name, work in largest.items() if work > 0]
+    said = "Largest gap between the sum and the external work, over the largest work"
+    return f"{said}: {listed(parts)}." if parts else ""
+
+
+# ---------------------------------------------------------------- convergence
 
 
 def sweep_table(results: CaseResults) -> pd.DataFrame:
@@ -265,14 +245,18 @@ def sweep_table(results: CaseResults) -> pd.DataFrame:
         for measure, error in (run.entry.get("measures") or {}).items():
             if measure.startswith("l2_error") and error is not None and error > 0:
                 h = float(spec.sweep_values["mesh.h"])
-                rows.append((family, run.solver, h, measure, error, _theory(results, run)))
+                rows.append((family, run.method.name, h, measure, error, _theory(results, run, spec.family, measure)))
     table = pd.DataFrame(rows, columns=["base", "solver", "h", "measure", "error", "theory"])
     return table.sort_values(["measure", "base", "h"], ignore_index=True)
 
 
-def _theory(results: CaseResults, run: RunResults) -> float:
-    """Return the L2 order of a smooth solution: 2 for linear elements, p + 1 for splines of order p."""
-    if not SOLVERS[run.solver].by_points:
+def _theory(results: CaseResults, run: RunResults, family: str, measure: str) -> float:
+    """Return the order that a check asks for, else that of a smooth field: 2 for linear elements, p + 1 for splines."""
+    orders = (check for check in results.checks if check["metric"] == "convergence_order" and check["run"] == family)
+    asked = [check["target"] for check in orders if measure in (check.get("parameters") or {}).values()]
+    if asked and asked[0] is not None:
+        return float(asked[0])
+    if not run.method.by_points:
         return 2.0
     try:
         case = load_case(results.source, tier=results.tier or None, run=run.name)
@@ -288,10 +272,8 @@ def convergence(results: CaseResults, folder: Path) -> list[style.Drawing]:
 
 
 def _convergence(measure: str, table: pd.DataFrame, results: CaseResults, folder: Path) -> style.Drawing:
-    figure = Figure(figsize=(5.6, 4.4))
-    axes = style.curve_axes(
-        figure, f"spacing h [{results.unit('length')}]", measure.replace("_", " ").replace("l2", "L2")
-    )
+    words = metric_in_words(measure)
+    figure, axes = style.curve_axes(5.6, 4.4, f"spacing h [{results.unit('length')}]", words)
     axes.set(xscale="log", yscale="log")
     colours = style.colours_of(list(table["base"].unique()))
     said = []
@@ -303,9 +285,8 @@ def _convergence(measure: str, table: pd.DataFrame, results: CaseResults, folder
     ticks = np.sort(table["h"].unique())
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.legend(loc="best")
-    name = f"convergence-{style.slug(measure)}"
     return style.drawing(
-        figure, folder, name, f"Convergence: {measure.replace('_', ' ').replace('l2', 'L2')}",
+        figure, folder, f"convergence-{style.slug(measure)}", f"Convergence: {words}",
         f"Error over spacing; slopes fitted by least squares to all levels: {'; '.join(said)}. "
         "Grey triangles show the slope that theory predicts.",
         table,
@@ -315,10 +296,8 @@ def _convergence(measure: str, table: pd.DataFrame, results: CaseResults, folder
 def _draw_sweep(axes: Any, base: str, part: pd.DataFrame, colour: str) -> float:
     h, error = part["h"].to_numpy(float), part["error"].to_numpy(float)
     slope = float(np.polyfit(np.log(h), np.log(error), 1)[0]) if len(h) > 1 else float("nan")
-    line = SOLVERS[str(part["solver"].iloc[0])].line
-    axes.plot(
-        h, error, line, marker="o", markersize=4, color=colour, label=f"{base}: slope {number(slope, 3)}"
-    )
+    line, said = method_of(str(part["solver"].iloc[0])).line, f"{base}: slope {number(slope, 3)}"
+    axes.plot(h, error, line, marker="o", markersize=4, color=colour, label=said)
     theory = float(part["theory"].iloc[0])
     if len(h) > 1 and np.isfinite(theory):
         _draw_slope_triangle(axes, h, error, theory)

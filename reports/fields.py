@@ -7,26 +7,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from matplotlib.collections import PolyCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
-from cases.solvers import SOLVERS
-from fem_reference.quality import scaled_jacobian
+from numerics.element_quality import scaled_jacobian
 
 from . import style
-from .curves import run_label
-from .outlines import draw_outlines, fit_axes, shade_bodies
+from .outlines import cells_in, draw_outlines, fit_axes, shade_bodies
 from .words import listed, number
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from cases import Case
+    from verify.runs.frames import Frame
 
     from .results import CaseResults, GridState, PointState, RunResults
 
@@ -34,6 +33,7 @@ LARGEST_SNAPSHOTS = 4
 LARGEST_ROWS = 4
 PIXELS = 400  # along the longer side of a field that is drawn as an image
 ELEMENT, BROKEN_ELEMENT = ("#dfe9f2", style.OKABE_ITO[0]), ("#f6cfae", style.OKABE_ITO[1])  # face, edge
+EXTREME_PERCENTILE = 99.0  # of the stresses, at which colours are cut
 SHARE_OF_BODY_TO_MOVE = 0.06  # displacements are drawn this large, relative to the body
 
 
@@ -142,21 +142,15 @@ def _draw_panel(
     axes.set_aspect("equal")
     fit_axes(axes, *extent_of(results))
     if stored is None:
-        axes.text(
-            0.5,
-            0.5,
-            f"no state stored\nnear u = {number(u)}",
-            transform=axes.transAxes,
-            ha="center",
-            va="center",
-        )
-        axes.set_title(run_label(run))
+        said = f"no state stored\nnear u = {number(u)}"
+        axes.text(0.5, 0.5, said, transform=axes.transAxes, ha="center", va="center")
+        axes.set_title(run.label)
         return None
     painted = draw(axes, run, stored)
     axes.set_aspect("equal")
     fit_axes(axes, *extent_of(results))
     draw_outlines(axes, results.case)
-    axes.set_title(f"{run_label(run)}, u = {number(stored)} {results.unit('displacement')}")
+    axes.set_title(f"{run.label}, u = {number(stored)} {results.unit('displacement')}")
     return painted
 
 
@@ -169,21 +163,20 @@ def _label_outer(grid: np.ndarray, results: CaseResults) -> None:
 
 def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the phase field of the runs at the case's snapshot displacements in one colour scale."""
-    colours = {"cmap": style.PHASE_FIELD_COLOURS, "clim": (0.0, 1.0)}
 
     def draw(axes: Axes, run: RunResults, u: float) -> Any:
-        if not SOLVERS[run.solver].by_points:
-            return paint_mesh(axes, run.grid(u), **colours)
+        if not run.method.by_points:
+            return paint_mesh(axes, run.grid(u), **style.PHASE_FIELD)
         points = run.points(u)
-        return paint_points(axes, results.case, points.reference, points.phase_field, **colours)
+        return paint_points(axes, results.case, points.reference, points.phase_field, **style.PHASE_FIELD)
 
-    drawn = _snapshot_panels(results, draw, "phase field c (0 broken, 1 intact)")
+    drawn = _snapshot_panels(results, draw, style.PHASE_FIELD_LABEL)
     if drawn is None:
         return None
     figure, runs, _ = drawn
     caption = (
-        f"Phase field of {listed(run_label(run) for run in runs)} in reference coordinates, "
-        "one colour scale. FEM: nodal values; MPM: each place as the nearest material point."
+        f"Phase field of {listed(run.label for run in runs)} in reference coordinates, one colour scale: "
+        "nodal values of a mesh, or each place as the nearest material point."
     )
     return style.drawing(figure, folder, "phase-field", "Phase field", caption)
 
@@ -191,19 +184,17 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
 def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the in-plane mean stress (s_xx + s_yy)/2 at the integration points, broken points removed."""
     runs = [run for run in results.main_runs(LARGEST_ROWS) if run.stored.size]
-    limit = _stress_limit(runs, shown_displacements(results))
-    if limit is None:
+    wanted = shown_displacements(results)
+    limit = largest_stress(run.points(u) for run in runs for u in map(run.nearest_stored, wanted) if u)
+    if not limit:
         return None
 
     def draw(axes: Axes, run: RunResults, u: float) -> Any:
         points = run.points(u)
-        kept = points.phase_field >= style.BROKEN_BELOW
         places = points.reference + points.displacement
         shade_bodies(axes, results.case, style.GREY)  # shows through where points are removed
-        return paint_points(
-            axes, results.case, places, np.where(kept, points.hydrostatic_stress, np.nan),
-            cmap=style.SIGNED_COLOURS, clim=(-limit, limit),
-        )  # fmt: skip
+        colours = {"cmap": style.SIGNED_COLOURS, "clim": (-limit, limit)}
+        return paint_points(axes, results.case, places, unbroken_stress(points), **colours)
 
     drawn = _snapshot_panels(results, draw, f"(σxx + σyy)/2 [{results.unit('stress')}]")
     if drawn is None:
@@ -211,22 +202,22 @@ def hydrostatic_stress(results: CaseResults, folder: Path) -> style.Drawing | No
     caption = (
         f"In-plane mean stress at the integration points (Fig. 4.9 of the thesis); points with "
         f"c < {style.BROKEN_BELOW:g} are removed (grey shows through), displacements "
-        f"are not magnified. Colours are cut at the 99th percentile, "
+        f"are not magnified. Colours are cut at the {EXTREME_PERCENTILE:g}th percentile, "
         f"±{number(limit, 3)} {results.unit('stress')}."
     )
     name = "hydrostatic-stress"
     return style.drawing(drawn[0], folder, name, "Hydrostatic stress", caption)
 
 
-def _stress_limit(runs: Sequence[RunResults], wanted: Sequence[float]) -> float | None:
-    largest = []
-    for run in runs:
-        for u in filter(None, map(run.nearest_stored, wanted)):
-            points = run.points(u)
-            kept = np.abs(points.hydrostatic_stress[points.phase_field >= style.BROKEN_BELOW])
-            if kept.size:
-                largest.append(float(np.percentile(kept, 99)))
-    return max(largest, default=0.0) or None
+def unbroken_stress(state: PointState | Frame) -> np.ndarray:
+    """Return the in-plane mean stress (n,) of the points of a state, NaN at broken ones."""
+    return np.where(state.phase_field >= style.BROKEN_BELOW, state.hydrostatic_stress, np.nan)
+
+
+def largest_stress(states: Iterable[PointState | Frame]) -> float:
+    """Return the largest stress of unbroken points over the states, a few extreme points apart; 0 without any."""
+    stresses = (np.abs(stress[np.isfinite(stress)]) for stress in map(unbroken_stress, states))
+    return max((float(np.percentile(s, EXTREME_PERCENTILE)) for s in stresses if s.size), default=0.0)
 
 
 # ---------------------------------------------------------------- distorted mesh beside points
@@ -234,7 +225,7 @@ def _stress_limit(runs: Sequence[RunResults], wanted: Sequence[float]) -> float 
 
 def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the quality of the moved elements over displacement, where strain is measured on them."""
-    run = next((r for r in results.main_runs() if not SOLVERS[r.solver].by_points and len(r.stored) > 1), None)
+    run = next((r for r in results.main_runs() if not r.method.by_points and len(r.stored) > 1), None)
     if run is None or results.case is None or results.case.mesh.geometry == "initial":
         return None
     rows = []
@@ -243,8 +234,9 @@ def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
         quality = scaled_jacobian(grid.points + grid.displacement, grid.cells)
         rows.append((float(u), quality.min(), np.percentile(quality, 1), np.median(quality)))
     table = pd.DataFrame(rows, columns=["u", "least", "one_percent", "median"])
-    figure = Figure(figsize=(7.2, 3.2), layout="constrained")
-    axes = style.curve_axes(figure, f"displacement u [{results.unit('displacement')}]", "scaled Jacobian [–]")
+    figure, axes = style.curve_axes(
+        7.2, 3.2, f"displacement u [{results.unit('displacement')}]", "scaled Jacobian [–]"
+    )
     for column, label in (("median", "median"), ("one_percent", "worst 1 %"), ("least", "worst element")):
         axes.plot(table["u"], table[column], marker="o", label=label)
     axes.axhline(0.0, color="black", linewidth=0.8)
@@ -258,16 +250,15 @@ def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
 
 
 def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
-    """Draw the deformed FEM mesh beside the MPM's points: whole body above, the crack close up below."""
-    pair = [
-        next((r for r in results.main_runs() if SOLVERS[r.solver].by_points is points and r.stored.size), None)
+    """Draw a deformed mesh beside material points: whole body above, the crack close up below."""
+    mesh, cloud = [
+        next((r for r in results.main_runs() if r.method.by_points is points and r.stored.size), None)
         for points in (False, True)
     ]
-    fem, mpm = pair
-    if fem is None or mpm is None or not _broke([fem, mpm]):
+    if mesh is None or cloud is None or not _broke([mesh, cloud]):
         return None
-    u_fem, u_mpm = _largest_common(results, fem, mpm)
-    grid, points = fem.grid(u_fem), mpm.points(u_mpm)
+    at = _largest_common(results, mesh, cloud)
+    grid, points = mesh.grid(at[0]), cloud.points(at[1])
     factor = _magnification(extent_of(results), grid.displacement)
     window = _window(results, grid, factor)
     figure, axes = style.panels(2, 2, 8.2, 7.8)
@@ -276,10 +267,10 @@ def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
         _draw_moved_points(axes[row, 1], points, factor, part)
     moved = grid.points + factor * grid.displacement
     _frame_distortion(axes, (moved.min(axis=0), moved.max(axis=0)), window)
-    _title_distortion(axes, results, u_fem, u_mpm)
+    _title_distortion(axes, results, (mesh, cloud), at)
     figure.legend(handles=_distortion_key(), loc="outside lower center", ncols=3)
     caption = (
-        f"Deformed FEM mesh (left) beside the material points (right), displacements magnified "
+        f"Deformed mesh (left) beside the material points (right), displacements magnified "
         f"{number(factor)} times; the frame above is shown enlarged below. Elements with a corner below "
         f"c = {style.BROKEN_BELOW:g} are coloured, material points below it are removed "
         "(Figs. 4.8 and 4.9 of the thesis)."
@@ -287,13 +278,13 @@ def distortion(results: CaseResults, folder: Path) -> style.Drawing | None:
     return style.drawing(figure, folder, "distortion", "Distorted mesh and material points", caption)
 
 
-def _largest_common(results: CaseResults, fem: RunResults, mpm: RunResults) -> tuple[float, float]:
+def _largest_common(results: CaseResults, one: RunResults, other: RunResults) -> tuple[float, float]:
     """Return the stored displacements of both runs at the last displacement that both have."""
     for u in reversed(shown_displacements(results)):
-        found = fem.nearest_stored(u), mpm.nearest_stored(u)
+        found = one.nearest_stored(u), other.nearest_stored(u)
         if found[0] is not None and found[1] is not None:
             return found[0], found[1]
-    return float(fem.stored[-1]), float(mpm.stored[-1])
+    return float(one.stored[-1]), float(other.stored[-1])
 
 
 def _magnification(extent: tuple[np.ndarray, np.ndarray], displacement: np.ndarray) -> float:
@@ -313,24 +304,17 @@ def _window(results: CaseResults, grid: GridState, factor: float) -> np.ndarray:
     return np.array([centre - half, centre + half])
 
 
-def _window_frame(window: np.ndarray) -> Rectangle:
-    return Rectangle(tuple(window[0]), *(window[1] - window[0]), fill=False, edgecolor="black", linewidth=0.9)
-
-
 def _draw_deformed_mesh(axes: Axes, grid: GridState, factor: float, window: np.ndarray | None = None) -> None:
     """Draw the deformed elements, in the window only where there is one."""
     corners = (grid.points + factor * grid.displacement)[grid.cells]
     broken = grid.least_phase_field() < style.BROKEN_BELOW
     if window is not None:
-        near = np.all((corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1]), axis=1)
+        near = cells_in(window, corners)
         corners, broken = corners[near], broken[near]
     many = len(corners) > style.RASTER_ABOVE
+    look: Any = {"linewidths": 0.15 if many else 0.5, "rasterized": many}
     for shown, (face, edge) in ((corners[~broken], ELEMENT), (corners[broken], BROKEN_ELEMENT)):
-        axes.add_collection(
-            PolyCollection(
-                shown, facecolors=face, edgecolors=edge, linewidths=0.15 if many else 0.5, rasterized=many
-            )
-        )
+        axes.add_collection(PolyCollection(shown, facecolors=face, edgecolors=edge, **look))
 
 
 def _draw_moved_points(
@@ -351,14 +335,17 @@ def _frame_distortion(axes: np.ndarray, moved: tuple[np.ndarray, np.ndarray], wi
     for whole, close_up in axes.T:
         whole.set_aspect("equal")
         fit_axes(whole, *moved)
-        whole.add_patch(_window_frame(window))
+        frame: Any = {"fill": False, "edgecolor": "black", "linewidth": 0.9}
+        whole.add_patch(Rectangle(tuple(window[0]), *(window[1] - window[0]), **frame))
         close_up.set(xlim=window[:, 0], ylim=window[:, 1], aspect="equal")
 
 
-def _title_distortion(axes: np.ndarray, results: CaseResults, u_fem: float, u_mpm: float) -> None:
+def _title_distortion(
+    axes: np.ndarray, results: CaseResults, pair: tuple[RunResults, RunResults], at: tuple[float, float]
+) -> None:
     unit = results.unit("displacement")
-    axes[0, 0].set_title(f"PF-FEM mesh, u = {number(u_fem)} {unit}")
-    axes[0, 1].set_title(f"PF-MPM points, u = {number(u_mpm)} {unit}")
+    for panel, run, u in zip(axes[0], pair, at, strict=True):
+        panel.set_title(f"{run.method.shown}, u = {number(u)} {unit}")
     _label_outer(axes, results)
 
 
@@ -367,15 +354,7 @@ def _distortion_key() -> list[Any]:
     return [
         Rectangle((0, 0), 1, 1, facecolor=ELEMENT[0], edgecolor=ELEMENT[1], label="element"),
         Rectangle((0, 0), 1, 1, facecolor=BROKEN_ELEMENT[0], edgecolor=BROKEN_ELEMENT[1], label=broken),
-        Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker="o",
-            markersize=3,
-            color=style.OKABE_ITO[0],
-            label="material point",
-        ),
+        Line2D([], [], linestyle="none", marker="o", markersize=3, color=style.OKABE_ITO[0], label="material point"),
     ]
 
 
@@ -392,7 +371,8 @@ def crack_paths(results: CaseResults, folder: Path) -> style.Drawing | None:
     for panel in axes:
         draw_outlines(panel, results.case)
         for run in runs:
-            _draw_path(panel, run, colours[run.name])
+            look = {"color": colours[run.name], "linewidth": 1.6, "label": run.label}
+            panel.plot(*run.crack_path.T, run.method.line, **look)
         panel.set_aspect("equal")
     lower, upper = extent_of(results)
     fit_axes(axes[0], lower, upper)
@@ -401,16 +381,10 @@ def crack_paths(results: CaseResults, folder: Path) -> style.Drawing | None:
     axes[0].set_title("whole body")
     _label_outer(axes[None, :], results)
     axes[1].set_ylabel(f"y [{results.unit('length')}]")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    style.legend_below(figure, [axes[0]])
     table = pd.concat([pd.DataFrame(run.crack_path, columns=["x", "y"]).assign(run=run.name) for run in runs])
-    caption = f"Crack paths of {listed(run_label(run) for run in runs)} in reference coordinates. "
+    caption = f"Crack paths of {listed(run.label for run in runs)} in reference coordinates. "
     return style.drawing(figure, folder, "crack-paths", "Crack paths", caption + distances_in_words(results), table)
-
-
-def _draw_path(axes: Axes, run: RunResults, colour: str) -> None:
-    line = SOLVERS[run.solver].line
-    axes.plot(*run.crack_path.T, line, color=colour, linewidth=1.6, label=run_label(run))
 
 
 def _path_window(paths: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from verify.runs.frames import Frame, read_frames
 
 from . import style
-from .curves import run_label
+from .fields import largest_stress, unbroken_stress
 from .words import listed, number
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ PRINTED = 4  # frames in the figure that stands still
 LARGEST_ROWS = 2
 #: a pixel farther from every point than this many of their spacings lies outside the bodies
 REACH = 1.6
-EXTREME_PERCENTILE = 99.0
 
 
 class _View:
@@ -75,13 +74,7 @@ def _phase_field(view: _View, frame: Frame) -> np.ma.MaskedArray:
 
 
 def _stress(view: _View, frame: Frame) -> np.ma.MaskedArray:
-    kept = frame.phase_field >= style.BROKEN_BELOW
-    return view.paint(frame.reference + frame.displacement, np.where(kept, frame.hydrostatic_stress, np.nan))
-
-
-def _stress_limit(all_frames: list[Frame]) -> float:
-    whole = [np.abs(f.hydrostatic_stress[f.phase_field >= style.BROKEN_BELOW]) for f in all_frames]
-    return max((float(np.percentile(values, EXTREME_PERCENTILE)) for values in whole if values.size), default=0.0) or 1.0
+    return view.paint(frame.reference + frame.displacement, unbroken_stress(frame))
 
 
 def _broke(all_frames: list[Frame]) -> bool:
@@ -98,7 +91,7 @@ def film(results: CaseResults, folder: Path) -> style.Film | None:
         return None
     count = min(len(frames) for _, frames in shown)
     every = [frame for _, frames in shown for frame in frames[:count]]
-    view, limit, broke = _View(every), _stress_limit(every), _broke(every)
+    view, limit, broke = _View(every), largest_stress(every) or 1.0, _broke(every)
     figure, images, title = _film_figure(results, [run for run, _ in shown], view, limit, broke)
     files, times = [], []
     for step in range(count):
@@ -110,7 +103,7 @@ def film(results: CaseResults, folder: Path) -> style.Film | None:
         files.append(style.save_picture(figure, folder, f"film-{step:03d}", FILM_DPI))
         figure.set_layout_engine("none")  # where the first one put everything
     caption = (
-        f"{listed(run_label(run) for run, _ in shown)} at {count} times, where the material is at the time. Mean stress: "
+        f"{listed(run.label for run, _ in shown)} at {count} times, where the material is at the time. Mean stress: "
         f"(σxx + σyy)/2, colours cut at ±{number(limit, 3)} {results.unit('stress')}; points with "
         f"c < {style.BROKEN_BELOW:g} are removed from it."
     )
@@ -128,7 +121,7 @@ def _film_figure(
         (f"(σxx + σyy)/2 [{results.unit('stress')}]", {"cmap": style.SIGNED_COLOURS, "clim": (-limit, limit)})
     ]
     if broke:
-        kinds.insert(0, ("phase field c", {"cmap": style.PHASE_FIELD_COLOURS, "clim": (0.0, 1.0)}))
+        kinds.insert(0, ("phase field c", style.PHASE_FIELD))
     width = 8.6
     height = float(np.clip(len(runs) * (0.92 * width / len(kinds) * view.aspect + 0.3) + 1.1, 2.5, 11.0))
     figure, grid = style.panels(len(runs), len(kinds), width, height, sharex=True, sharey=True)
@@ -141,7 +134,7 @@ def _film_figure(
         for row in grid
     ]
     for row, run in zip(grid, runs, strict=True):
-        row[0].set_ylabel(f"{run_label(run)}\ny [{results.unit('length')}]")
+        row[0].set_ylabel(f"{run.label}\ny [{results.unit('length')}]")
     for axes, image, (label, _) in zip(grid[-1], images[-1], kinds, strict=True):
         axes.set_xlabel(f"x [{results.unit('length')}]")
         figure.colorbar(image, ax=axes, location="bottom", shrink=0.8, aspect=40, label=label)
@@ -166,12 +159,12 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
         for axes, step in zip(row, chosen, strict=True):
             painted = axes.imshow(
                 _phase_field(view, frames[step]), extent=view.box, origin="lower", interpolation="nearest",
-                cmap=style.PHASE_FIELD_COLOURS, clim=(0.0, 1.0),
+                **style.PHASE_FIELD,
             )  # fmt: skip
-            axes.set_title(f"{run_label(run)}, t = {number(frames[step].time, 3)} {results.unit('time')}", fontsize=8)
+            axes.set_title(f"{run.label}, t = {number(frames[step].time, 3)} {results.unit('time')}", fontsize=8)
         row[0].set_ylabel(f"y [{results.unit('length')}]")
     for axes in grid[-1]:
         axes.set_xlabel(f"x [{results.unit('length')}]")
-    figure.colorbar(painted, ax=grid, shrink=0.85, aspect=30, pad=0.015, label="phase field c (0 broken, 1 intact)")
+    figure.colorbar(painted, ax=grid, shrink=0.85, aspect=30, pad=0.015, label=style.PHASE_FIELD_LABEL)
     caption = "Phase field where the material is at the time; displacements are not magnified."
     return style.drawing(figure, folder, "phase-field", "Phase field", caption)

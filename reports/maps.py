@@ -66,7 +66,7 @@ def draw_map(file: Path, folder: Path, chosen: Map, state: str | None = None) ->
     axis.set(xlabel=_label(chosen.x), ylabel=_label(chosen.y))
     for verdict, colour in colours.items():
         axis.fill_between([], [], color=colour, label=verdict)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    style.legend_below(figure, [axis])
     name = f"map-{style.slug(file.stem)}"
     title = f"Where it fails: {chosen.title or file.stem}"
     before = "" if state is None or is_of_state(table, state) else f"{MADE_BEFORE} "

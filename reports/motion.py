@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from cases.solvers import SOLVERS
-from verify.metrics.motion import missing_energy
+from verify.metrics.histories import missing_energy
 from verify.metrics.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style
-from .curves import run_label
 from .words import listed, number
 
 if TYPE_CHECKING:
@@ -48,7 +45,7 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
         return None
     columns = 2
     rows = -(-(len(kinds) + 1) // columns)
-    figure, grid = style.panels(rows, columns, 8.2, 2.5 * rows + 0.4, sharex=True)
+    figure, grid = style.panels(rows, columns, 8.2, 2.5 * rows + 0.4, grid=True, sharex=True)
     colours = style.colours_of([run.name for run in runs])
     for axes, kind in zip(grid.flat, kinds, strict=False):
         _draw_over_time(axes, runs, colours, {run.name: run.history[kind] for run in runs if kind in run.history})
@@ -63,13 +60,13 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
     for axes in grid.flat[max(0, len(kinds) + 1 - columns) : len(kinds) + 1]:
         axes.set_xlabel(_time_label(results))
         axes.tick_params(labelbottom=True)
-    figure.legend(*grid.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(len(runs), 3))
+    style.legend_below(figure, [grid.flat[0]])
     said = listed(f"{number(np.abs(missing[run.name]).max(), 2)} % ({run.name})" for run in runs)
     return style.drawing(
         figure, folder, "energies", "Energies over time",
         "Energies of the whole body or of all bodies. The balance is elastic + fracture + kinetic energy, less what "
         f"there was at the start and what external forces and contact did; at most {said} of the energy given.",
-        pd.concat([_energy_table(run) for run in runs]),
+        style.table_of(runs, ("time", *ENERGIES)),
     )
 
 
@@ -78,23 +75,16 @@ def _acts(run: RunResults, column: str) -> bool:
 
 
 def _draw_over_time(axes: Any, runs: list[RunResults], colours: dict[str, str], values: dict[str, Any]) -> None:
-    axes.grid(True)
-    axes.set_axisbelow(True)
     for run in runs:
         if run.name in values:
-            line = SOLVERS[run.solver].line
-            axes.plot(run.history["time"], values[run.name], line, color=colours[run.name], label=run_label(run))
+            look = {"color": colours[run.name], "label": run.label}
+            axes.plot(run.history["time"], values[run.name], run.method.line, **look)
 
 
 def _missing_energy(history: pd.DataFrame) -> np.ndarray:
     """What is held beyond what was given, over the largest energy given until the end."""
     scale = history["E_el"].iloc[0] + history["E_kin"].iloc[0] + history["W_ext"].abs().max()
     return missing_energy(history) / (float(scale) or 1.0)
-
-
-def _energy_table(run: RunResults) -> pd.DataFrame:
-    columns = [column for column in ("time", *ENERGIES) if column in run.history]
-    return run.history[columns].assign(run=run.name)[["run", *columns]]
 
 
 # ---------------------------------------------------------------- crack tips
@@ -115,8 +105,8 @@ def tip_speed(results: CaseResults, folder: Path) -> style.Drawing | None:
     table = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
     if table.empty:
         return None
-    figure = Figure(figsize=(7.2, 3.6), layout="constrained")
-    axes = style.curve_axes(figure, _time_label(results), f"speed of the crack tip [{results.unit('velocity')}]")
+    speed = f"speed of the crack tip [{results.unit('velocity')}]"
+    figure, axes = style.curve_axes(7.2, 3.6, _time_label(results), speed)
     colours = style.colours_of([run.name for run in runs])
     for run in runs:
         _draw_speeds(axes, run, table[table["run"] == run.name], colours[run.name])
@@ -125,7 +115,7 @@ def tip_speed(results: CaseResults, folder: Path) -> style.Drawing | None:
         label = "Rayleigh speed" if share == 1.0 else f"{100 * share:g} % of the Rayleigh speed"
         axes.axhline(share * limit, color=style.INK, linewidth=0.9, linestyle=line, label=label)
     axes.set_ylim(bottom=0.0)
-    figure.legend(loc="outside lower center", ncols=2)
+    style.legend_below(figure, [axes], columns=2)
     return style.drawing(
         figure, folder, "tip-speed", "Speed of the crack tips",
         f"Lines fitted to {FITTED} positions of a tip, {number(interval)} {results.unit('time')} apart, along each "
@@ -135,10 +125,10 @@ def tip_speed(results: CaseResults, folder: Path) -> style.Drawing | None:
 
 
 def _draw_speeds(axes: Any, run: RunResults, table: pd.DataFrame, colour: str) -> None:
-    line = SOLVERS[run.solver].line
+    line = run.method.line
     for number_of_branch, part in table.groupby("branch"):
         first = number_of_branch == table["branch"].min()
-        label = run_label(run) if first else None
+        label = run.label if first else None
         axes.plot(part["time"], part["speed"], line, color=colour, linewidth=1.5 if first else 0.9, label=label)
 
 
@@ -160,26 +150,24 @@ def momentum(results: CaseResults, folder: Path) -> style.Drawing | None:
     if results.case is None or len(results.case.bodies) < 2 or not runs:
         return None
     names = list(results.case.bodies)
-    figure, grid = style.panels(len(runs), 2, 8.2, 2.7 * len(runs) + 0.4, sharex=True)
+    figure, grid = style.panels(len(runs), 2, 8.2, 2.7 * len(runs) + 0.4, grid=True, sharex=True)
     colours = style.colours_of(names)
     for row, run in zip(grid, runs, strict=True):
         for axes, direction in zip(row, "xy", strict=True):
             _draw_momentum(axes, run, names, colours, direction)
-            axes.set(title=f"{run_label(run)}, {direction}", ylabel=f"[{results.unit('force')}·{results.unit('time')}]")
+            axes.set(title=f"{run.label}, {direction}", ylabel=f"[{results.unit('force')}·{results.unit('time')}]")
     for axes in grid[-1]:
         axes.set_xlabel(_time_label(results))
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(names) + 1)
+    style.legend_below(figure, [grid[0, 0]], columns=len(names) + 1)
     columns = [str(c) for c in runs[0].history if "momentum" in str(c) or "impulse" in str(c)]
-    table = pd.concat([run.history[["time", *columns]].assign(run=run.name) for run in runs])
     return style.drawing(
         figure, folder, "momentum", "Momentum",
         "Momentum of each body and of all bodies together; what one body loses in contact another gains.",
-        table,
+        style.table_of(runs, ("time", *columns)),
     )
 
 
 def _draw_momentum(axes: Any, run: RunResults, names: list[str], colours: dict[str, str], direction: str) -> None:
-    axes.grid(True)
     time = run.history["time"]
     for name in names:
         if f"{name}_momentum_{direction}" in run.history:

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from cases import load_case
-from cases.solvers import SOLVERS
 
 from . import style
 from .curves import peak_row
+from .results import method_of
 from .words import listed, number
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def critical_load_table(results: CaseResults) -> pd.DataFrame:
         spec = specs.get(run.name)
         swept = {key.rpartition(".")[2]: value for key, value in (spec.sweep_values if spec else {}).items()}
         if results.case and spec and list(swept) == [KEY]:
-            name = names.setdefault((run.solver, _materials(results.case, run.name)), spec.family)
-            rows.append((name, run.solver, float(swept[KEY]), float(peak_row(run.history)["F"])))
+            name = names.setdefault((run.method.name, _materials(results.case, run.name)), spec.family)
+            rows.append((name, run.method.name, float(swept[KEY]), float(peak_row(run.history)["F"])))
     return pd.DataFrame(rows, columns=["family", "solver", KEY, "peak_force"])
 
 
@@ -52,17 +52,17 @@ def critical_load(results: CaseResults, folder: Path) -> style.Drawing | None:
     table = critical_load_table(results)
     if table[KEY].nunique() < 2:
         return None
-    figure = style.Figure(figsize=(6.4, 3.8))
-    axes = style.curve_axes(figure, "material orientation [°]", f"critical load [{results.unit('force')}]")
+    figure, axes = style.curve_axes(6.4, 3.8, "material orientation [°]", f"critical load [{results.unit('force')}]")
     colours = style.colours_of(list(dict.fromkeys(table["family"])))
     for family, part in table.groupby("family", sort=False):
         row = part.sort_values(KEY)
-        line = SOLVERS[str(row["solver"].iloc[0])].line
+        line = method_of(str(row["solver"].iloc[0])).line
         axes.plot(row[KEY], row["peak_force"], line, marker="o", markersize=4, color=colours[str(family)], label=family)
     axes.legend()
-    name = "critical-load-over-orientation"
-    title = "Critical load over material orientation"
-    return style.drawing(figure, folder, name, title, _symmetry_in_words(table), table)
+    return style.drawing(
+        figure, folder, "critical-load-over-orientation", "Critical load over material orientation",
+        _symmetry_in_words(table), table,
+    )  # fmt: skip
 
 
 def _symmetry_in_words(table: pd.DataFrame) -> str:

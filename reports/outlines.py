@@ -31,6 +31,11 @@ def fit_axes(axes: Axes, lower: np.ndarray, upper: np.ndarray) -> None:
     axes.set(xlim=(lower[0] - margin, upper[0] + margin), ylim=(lower[1] - margin, upper[1] + margin))
 
 
+def cells_in(window: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return the mask (k,) of the cells, corners (k, 3 or 4, 2), that reach into a window (2, 2)."""
+    return np.all((corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1]), axis=1)
+
+
 def body_polygons(body: Any) -> list[shapely.Polygon]:
     """Return the polygons that a body covers, holes included as interior rings."""
     outline = body.shape.outline() if body.shape else mesh_outline(body.mesh)

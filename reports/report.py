@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markdown_it import MarkdownIt
 from markupsafe import Markup, escape
 
 from cases import UserError
@@ -64,6 +65,13 @@ MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
 )
 
 
+# Sections whose first figure is the main curve of a page; the first of them that is drawn stands on top.
+MAIN_CURVES = (
+    "Convergence", "Critical values", "Values over what was swept", "Critical load over orientation",
+    "Load and displacement", "Crack tips", "Energies",
+)  # fmt: skip
+
+
 @dataclass
 class Section:
     """A heading with its figures, or the reason why there is none."""
@@ -106,29 +114,19 @@ def write_report(out: Path, jobs: int = 1) -> Path:
 def _environment() -> Environment:
     """Templates with escaping on; a variable that is not there is an error and not a gap."""
     environment = Environment(
-        loader=PackageLoader("reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+        loader=PackageLoader("reports"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(
-        number=words.number, numbers=_in_words, percent=words.percent, verdict=_verdict_in_words, subscripts=_subscripts
-    )
+        number=words.number, percent=words.percent, subscripts=_subscripts,
+        numbers=lambda values: list(map(words.number, values)),
+        verdict=lambda verdict: words.VERDICT_WORDS.get(verdict, verdict),
+    )  # fmt: skip
     return environment
 
 
-def _in_words(values: Sequence[float]) -> list[str]:
-    return [words.number(value) for value in values]
-
-
-def _verdict_in_words(verdict: str) -> str:
-    return words.VERDICT_WORDS.get(verdict, verdict)
-
-
 def _subscripts(text: str) -> Markup:
-    """Set ``u_x`` and ``u_y`` with subscripts."""
-    return Markup(re.sub(r"\bu_([xy])\b", r"u<sub>\1</sub>", str(escape(text))))
+    """Set ``u_x`` or ``v_y`` with subscripts."""
+    return Markup(re.sub(r"\b([uv])_([xy])\b", r"\1<sub>\2</sub>", str(escape(text))))
 
 
 # ---------------------------------------------------------------- a case's page
@@ -146,14 +144,15 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
     with style.drawing_style():
         picture = _section("Scene", scene.scene, results, figures)
         sections = [_section(title, draw, results, figures) for title, draw in _sections_of(results)]
+    main_curve = _main_curve(sections)
     page = _environment().get_template("case.html").render(
         results=results, entry=results.entry, summary=summary, case=results.case, root="../",
-        figures=f"../figures/{name}", picture=picture,
+        figures=f"../figures/{name}", picture=picture, main_curve=main_curve,
         sections=[section for section in sections if section.drawings or section.problem],
         sentence=words.verdict_sentence(results.entry),
         runs_sentence=words.runs_sentence(list(results.runs.values())),
         boundaries=scene.boundary_rows(results.case) if results.case else [],
-        checks=tables.check_rows(results), cost=tables.cost_table(results),
+        checks=tables.check_groups(results), cost=tables.cost_table(results),
         cost_sentence=tables.cost_sentence(results), prices=tables.price_rows(results),
         runs=tables.run_rows(results), notices=_notices(results), readme=readme_html(results),
     )  # fmt: skip
@@ -175,9 +174,16 @@ def _section(
         drawn = draw(results, folder)
     except READING_ERRORS as problem:
         logger.warning("%s: %s could not be drawn: %s", results.name, title.lower(), problem)
-        return Section(title, problem=f"{type(problem).__name__}: {problem}")
+        return Section(title, problem=f"{type(problem).__name__}: {str(problem).replace(f'{results.out}/', '')}")
     drawings = drawn if isinstance(drawn, list) else [drawn]
     return Section(title, [drawing for drawing in drawings if drawing is not None])
+
+
+def _main_curve(sections: list[Section]) -> style.Drawing | style.Film | None:
+    """Take the main curve out of its section; None where none is drawn."""
+    drawn = {section.title: section for section in sections if section.drawings}
+    title = next((title for title in MAIN_CURVES if title in drawn), None)
+    return drawn[title].drawings.pop(0) if title else None
 
 
 def _notices(results: CaseResults) -> list[str]:
@@ -187,11 +193,7 @@ def _notices(results: CaseResults) -> list[str]:
         if not run.exists:
             absent.setdefault(run.entry.get("reason") or run.problem or run.status, []).append(run.name)
     said = [f"Not shown: {words.listed(names)}. Reason: {why}" for why, names in absent.items()]
-    said += [
-        f"{curve['against']}: {curve['note']}"
-        for curve in results.entry.get("curves") or []
-        if curve.get("note")
-    ]
+    said += [f"Curves not compared: {problem}" for problem in results.entry.get("curve_problems") or []]
     if results.case is None:
         said.append(f"The case description could not be read: {results.case_problem}")
     return said
@@ -205,11 +207,17 @@ def readme_html(results: CaseResults) -> Markup:
         return Markup("<p class='notice'>{}</p>").format(str(problem))
     text = re.sub(r"^# .*\n+", "", text)  # the report has the case's title already
     text = re.sub(r"^(#+) ", r"#\1 ", text, flags=re.MULTILINE)
-    try:
-        from markdown_it import MarkdownIt
-    except ImportError:  # it comes with rich, but nothing here declares it
-        return Markup("<pre>{}</pre>").format(text)
-    return Markup(MarkdownIt("commonmark", {"html": False}).enable("table").render(text))
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+    markdown.add_render_rule("image", _image_as_link)
+    return Markup(markdown.render(text))
+
+
+def _image_as_link(_: Any, tokens: Sequence[Any], index: int, *__: Any) -> str:
+    """Set a picture of a page as a link: a report loads nothing from elsewhere, and a page's own files stay behind."""
+    image = tokens[index]
+    place = str(image.attrs.get("src", ""))
+    words = escape(image.content or place)
+    return Markup('<a href="{}">{}</a>').format(place, words) if "//" in place else words
 
 
 # ---------------------------------------------------------------- the overview
@@ -228,6 +236,7 @@ def _overview_row(results: CaseResults, page: str) -> dict[str, Any]:
         "page": page,
         "passed": sum(check.get("verdict") == "PASS" for check in gated),
         "gated": len(gated),
+        "key_number": words.key_number(results.checks),
         "margin": worst["margin_used"] if worst else None,
         "worst": words.check_in_words(worst) if worst else "",
         "seconds": sum(second for second in seconds if second),

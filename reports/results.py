@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from cases import Case, CaseError, load_case
-from cases.solvers import SOLVERS
+from cases.solvers import SOLVERS, Solver
 from numerics.status import RunStatus
 from verify.runs.run_folder import RunFolder, RunFolderError
 
@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 # A damaged or missing result leaves a notice on the page; it does not end the report.
 READING_ERRORS = (RunFolderError, OSError, ValueError, KeyError, IndexError, AttributeError, TypeError)
 SNAPSHOT_MATCH = 0.02  # a stored state stands for a wanted displacement when within this share of the path
+
+
+def method_of(solver: str) -> Solver:
+    """Return the solver of this name; one that the registry does not know is shown under its name, dotted."""
+    return SOLVERS.get(solver) or Solver(solver, solver, solver, ":", "", "", "")
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ class RunResults:
             if self._folder.history.empty:
                 self.problem = "no increment converged"
         except READING_ERRORS as problem:
-            self._folder, self.problem = None, str(problem)
+            self._folder, self.problem = None, str(problem).replace(f"{folder}", self.location)
 
     @property
     def folder(self) -> RunFolder:
@@ -102,9 +107,15 @@ class RunResults:
         return self._folder.info if self._folder else {}
 
     @property
-    def solver(self) -> str:
-        """``fem`` or ``mpm``."""
-        return str(self.record.get("solver") or self.entry.get("solver") or re.split(r"[_\[]", self.name)[0])
+    def method(self) -> Solver:
+        """The solver that made it, or that its name tells."""
+        name = self.record.get("solver") or self.entry.get("solver") or re.split(r"[_\[]", self.name)[0]
+        return method_of(str(name))
+
+    @property
+    def label(self) -> str:
+        """Name with method, ``mpm_gmres (PF-MPM)``; the method alone where both agree."""
+        return self.method.title if self.name == self.method.name else f"{self.name} ({self.method.title})"
 
     @property
     def history(self) -> pd.DataFrame:
@@ -126,9 +137,8 @@ class RunResults:
         if not self.stored.size:
             return None
         nearest = float(self.stored[np.abs(self.stored - u).argmin()])
-        return (
-            nearest if abs(nearest - u) <= SNAPSHOT_MATCH * max(np.abs(self.stored).max(), abs(u)) else None
-        )
+        near = abs(nearest - u) <= SNAPSHOT_MATCH * max(np.abs(self.stored).max(), abs(u))
+        return nearest if near else None
 
     @lru_cache(maxsize=8)  # noqa: B019  a page's runs are few and dropped together with their page
     def points(self, u: float) -> PointState:
@@ -196,17 +206,14 @@ class CaseResults:
 
     def shown_runs(self) -> list[RunResults]:
         """Return the runs that left results, in the order of the solvers."""
-        present = [run for run in self.runs.values() if run.exists]
-        return sorted(present, key=lambda run: list(SOLVERS).index(run.solver))
+        order = [*SOLVERS, *(run.method.name for run in self.runs.values())]
+        return sorted((run for run in self.runs.values() if run.exists), key=lambda run: order.index(run.method.name))
 
     def main_runs(self, largest: int = 2) -> list[RunResults]:
         """Return one run per solver and then further ones, at most ``largest``; of a sweep the last level."""
-        levels = {re.sub(r"\[.*\]$", "", run.name): run for run in self.shown_runs()}
-        runs = list(levels.values())
-        firsts = [next((run for run in runs if run.solver == solver), None) for solver in SOLVERS]
-        chosen = [run for run in firsts if run is not None]
-        chosen += [run for run in runs if run not in chosen]
-        return chosen[:largest]
+        runs = list({re.sub(r"\[.*\]$", "", run.name): run for run in self.shown_runs()}.values())
+        firsts = list({run.method.name: run for run in reversed(runs)}.values())[::-1]
+        return [*firsts, *(run for run in runs if run not in firsts)][:largest]
 
 
 def read_summary(out: Path) -> dict[str, Any]:

@@ -10,11 +10,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
+from cases.loading import Traction
 from cases.solvers import SOLVERS
 from cases.spacing import grid_lines
 
 from . import style
-from .outlines import body_polygons, draw_notches, draw_outlines, polygon_patch
+from .outlines import body_polygons, cells_in, draw_notches, draw_outlines, polygon_patch
 from .words import listed, number, plural
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from cases import Case
+    from cases.geometry import Box
+    from cases.loading import Constraint
 
     from .results import CaseResults, RunResults
 
@@ -34,26 +37,52 @@ CELLS_IN_A_CLOSE_UP = 12
 AXES_OF = {"x": np.array([1.0, 0.0]), "y": np.array([0.0, 1.0])}
 
 
-# ---------------------------------------------------------------- what the boundary conditions are
+# ---------------------------------------------------------------- what acts on the bodies
 
 
-def conditions(case: Case, boundary: str) -> list[Any]:
-    """Return the constraints on a boundary set."""
-    return [constraint for constraint in case.constraints if constraint.on == boundary]
+def conditions(case: Case) -> dict[str, list[Constraint | Traction]]:
+    """Return the constraints and tractions on each boundary set that has any."""
+    found: dict[str, list[Constraint | Traction]] = {}
+    for constraint in case.constraints:
+        found.setdefault(constraint.on, []).append(constraint)
+    for traction in case.tractions:
+        found.setdefault(traction.on, []).append(traction)
+    return found
 
 
-def condition_in_words(constraint: Any, mathematics: bool = False) -> str:
-    """Return a constraint as text: ``u_y = u``, ``u_x = 0``, ``u_x tied``, ``c = 0``."""
-    if constraint.motion is not None:
-        return f"u from the exact field {constraint.motion}".replace("_", " ")
-    name = "c" if constraint.direction == "phase" else f"u_{constraint.direction}"
+def condition_in_words(condition: Constraint | Traction, case: Case, mathematics: bool = False) -> str:
+    """Return a condition as text: ``u_y = u``, ``v_x = 2 mm/ms``, ``u_x tied``, ``c = 0``, ``traction (0, 1) kN/mm²``."""
+    if isinstance(condition, Traction):
+        ramp = f" over {number(condition.ramp)} {case.units.label('time')}" if condition.ramp else ""
+        return f"traction {_pair(condition.value)} {case.units.label('stress')}{ramp}"
+    if condition.motion is not None:
+        return f"u from the exact field {condition.motion}".replace("_", " ")
+    letter = "u" if condition.velocity is None else "v"
+    name = "c" if condition.direction == "phase" else f"{letter}_{condition.direction}"
     name = f"${name}$" if mathematics else name
-    if constraint.tied:
+    if condition.tied:
         return f"{name} tied"
-    if constraint.scale is not None:
-        factor = {1.0: "", -1.0: "−"}.get(constraint.scale, f"{number(constraint.scale)} ")
+    if condition.velocity is not None:
+        return f"{name} = {number(condition.velocity)} {case.units.label('velocity')}"
+    if condition.scale is not None:
+        factor = {1.0: "", -1.0: "−"}.get(condition.scale, f"{number(condition.scale)} ")
         return f"{name} = {factor}{'$u$' if mathematics else 'u'}"
-    return f"{name} = {number(constraint.value)}"
+    return f"{name} = {number(condition.value)}"
+
+
+def gravity_in_words(case: Case) -> str:
+    """Return gravity as text, empty without."""
+    gravity = case.dynamics.gravity if case.dynamics else (0.0, 0.0)
+    return f"gravity {_pair(gravity)} {case.units.label('acceleration')}" if any(gravity) else ""
+
+
+def velocity_in_words(case: Case, body: str) -> str:
+    """Return how a body moves at the start as text, empty when it is at rest."""
+    velocity, gradient = case.bodies[body].velocity, case.bodies[body].velocity_gradient
+    said = [f"velocity {_pair(velocity)} {case.units.label('velocity')}"] if any(velocity) else []
+    if np.any(gradient):
+        said.append(f"velocity gradient [{_pair(gradient[0])}, {_pair(gradient[1])}] {case.units.label('rate')}")
+    return ", ".join(said)
 
 
 def place_in_words(case: Case, boundary: str) -> str:
@@ -75,16 +104,12 @@ def _pair(point: Any) -> str:
 
 
 def boundary_rows(case: Case) -> list[dict[str, str]]:
-    """Return name, place and conditions of each constrained boundary set."""
-    names = dict.fromkeys(constraint.on for constraint in case.constraints)
-    return [
-        {
-            "name": name,
-            "place": place_in_words(case, name),
-            "conditions": ", ".join(condition_in_words(constraint) for constraint in conditions(case, name)),
-        }
-        for name in names
-    ]
+    """Return name, place and conditions of all that acts: boundary sets, gravity, velocities at the start."""
+    said = {name: ", ".join(condition_in_words(c, case) for c in acting) for name, acting in conditions(case).items()}
+    rows = [(name, place_in_words(case, name), words) for name, words in said.items()]
+    rows += [("gravity", "all bodies", gravity_in_words(case).removeprefix("gravity "))]
+    rows += [(body, "the body, at the start", velocity_in_words(case, body)) for body in case.bodies]
+    return [dict(zip(("name", "place", "conditions"), row, strict=True)) for row in rows if row[2]]
 
 
 # ---------------------------------------------------------------- where they act
@@ -167,26 +192,24 @@ def _middle_of(case: Case, boundary: str) -> np.ndarray:
 
 def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: float) -> None:
     """Draw the set's place, its symbols and its label outside the body."""
-    constraints = conditions(case, boundary)
+    acting = conditions(case)[boundary]
     _draw_place(axes, case.boundaries[boundary])
-    words = ", ".join(condition_in_words(constraint, mathematics=True) for constraint in constraints)
-    for side in _area(case, boundary) or sides_of(case, boundary, samples):
-        depth = _draw_symbols(axes, side, constraints, size)
+    words = ", ".join(condition_in_words(condition, case, mathematics=True) for condition in acting)
+    for side in _area(case.boundaries[boundary].box, acting) or sides_of(case, boundary, samples):
+        depth = _draw_symbols(axes, side, acting, size)
         place = side.middle + side.normal * (depth + 0.3) * size
         upright = abs(side.normal[0]) > 0.5
-        anchor = {"ha": "center", "va": "center"}
-        anchor |= {"ha": "left" if side.normal[0] > 0 else "right"} if upright else {
-            "va": "bottom" if side.normal[1] > 0 else "top"
-        }  # fmt: skip
+        across = "left" if side.normal[0] > 0 else "right"
         axes.text(
-            *place, f"{boundary}: {words}", rotation=90 if upright else 0, fontsize=8.5, zorder=6, **anchor
-        )
+            *place, f"{boundary}: {words}", rotation=90 if upright else 0, fontsize=8.5, zorder=6,
+            ha=across if upright else "center",
+            va="center" if upright else "bottom" if side.normal[1] > 0 else "top",
+        )  # fmt: skip
 
 
-def _area(case: Case, boundary: str) -> list[Side]:
+def _area(box: Box | None, acting: list[Constraint | Traction]) -> list[Side]:
     """Return the top of a box with a prescribed phase field alone: it holds in the box, not on the outline there."""
-    box = case.boundaries[boundary].box
-    if box is None or box.is_flat or any(c.direction != "phase" for c in conditions(case, boundary)):
+    if box is None or box.is_flat or any(isinstance(c, Traction) or c.direction != "phase" for c in acting):
         return []
     top = np.array([(box.lower[0] + box.upper[0]) / 2, box.upper[1]])
     return [Side(top[None, :], np.array([0.0, 1.0]))]
@@ -208,8 +231,9 @@ def _draw_place(axes: Axes, chosen: Any) -> None:
         axes.plot(*chosen.point, "o", color=style.INK, markersize=4, zorder=5)
 
 
-def _draw_symbols(axes: Axes, side: Side, constraints: list[Any], size: float) -> float:
+def _draw_symbols(axes: Axes, side: Side, acting: list[Constraint | Traction], size: float) -> float:
     """Draw the symbols of one side; return how far they reach outwards, in symbol sizes."""
+    constraints = [condition for condition in acting if not isinstance(condition, Traction)]
     fixed = [c.direction for c in constraints if c.value == 0 and c.direction in AXES_OF]
     depth = 0.0
     if any(c.direction == "phase" for c in constraints):
@@ -220,7 +244,14 @@ def _draw_symbols(axes: Axes, side: Side, constraints: list[Any], size: float) -
         depth = _draw_rollers(axes, side, AXES_OF[fixed[0]], size)
     for constraint in constraints:
         depth = max(depth, _draw_motion(axes, side, constraint, size, depth))
+    for traction in acting:
+        if isinstance(traction, Traction) and any(traction.value):
+            depth = max(depth, _draw_arrows(axes, side, _unit(traction.value), size, depth))
     return depth
+
+
+def _unit(vector: Any) -> np.ndarray:
+    return np.asarray(vector, float) / np.hypot(*vector)
 
 
 def _draw_clamp(axes: Axes, side: Side, size: float) -> float:
@@ -258,7 +289,7 @@ def _draw_motion(axes: Axes, side: Side, constraint: Any, size: float, depth: fl
     if constraint.motion is not None:
         axes.plot(*side.spread(12).T, "o", color=MOVED, markersize=3, zorder=4)
         return max(depth, 0.15)
-    amount = constraint.scale if constraint.scale is not None else constraint.value
+    amount = next((a for a in (constraint.scale, constraint.velocity, constraint.value) if a is not None), 0.0)
     if not amount or constraint.direction not in AXES_OF:
         return depth
     return _draw_arrows(axes, side, np.sign(amount) * AXES_OF[constraint.direction], size, depth)
@@ -276,30 +307,43 @@ def _draw_arrows(axes: Axes, side: Side, direction: np.ndarray, size: float, dep
     if abs(outward) < 0.5:
         start = start - direction * length / 2
     for place in start:
-        axes.annotate(
-            "", place + length * direction, place, zorder=5,
-            arrowprops={"arrowstyle": "-|>,head_width=0.22,head_length=0.45", "color": MOVED, "lw": 1.3,
-                        "shrinkA": 0, "shrinkB": 0},
-        )  # fmt: skip
+        _draw_arrow(axes, place, length * direction)
     return depth + (1.7 if abs(outward) > 0.5 else 0.65)
+
+
+def _draw_arrow(axes: Axes, start: np.ndarray, along: np.ndarray) -> None:
+    arrow = {"arrowstyle": "-|>,head_width=0.22,head_length=0.45", "color": MOVED, "lw": 1.3}
+    axes.annotate("", tuple(start + along), tuple(start), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0}, zorder=5)
+
+
+def _draw_gravity(axes: Axes, case: Case, size: float) -> None:
+    """Draw gravity as an arrow with its words above the bodies' left corner."""
+    words = gravity_in_words(case)
+    if words and case.dynamics:
+        (left, _), (_, top) = case.bounding_box()
+        along = 2.0 * size * _unit(case.dynamics.gravity)
+        middle = np.array([left + size, top + 2.6 * size])
+        _draw_arrow(axes, middle - along / 2, along)
+        axes.text(middle[0] + 1.5 * size, middle[1], words, ha="left", va="center", fontsize=8.5, zorder=6)
 
 
 # ---------------------------------------------------------------- drawing the body
 
 
-def _draw_bodies(axes: Axes, case: Case) -> None:
+def _draw_bodies(axes: Axes, case: Case, size: float) -> None:
     tints = dict(zip(case.materials, BODY_TINTS * len(case.materials), strict=False))
     for name, body in case.bodies.items():
         polygons = body_polygons(body)
         for polygon in polygons:
-            axes.add_patch(
-                polygon_patch(
-                    polygon, facecolor=tints[body.material], edgecolor=style.INK, linewidth=1.0, zorder=1
-                )
-            )
-        if len(case.bodies) > 1:
-            place = polygons[0].representative_point()
-            axes.text(place.x, place.y, f"{name}\n({body.material})", ha="center", va="center", fontsize=8)
+            look = {"facecolor": tints[body.material], "edgecolor": style.INK, "linewidth": 1.0}
+            axes.add_patch(polygon_patch(polygon, zorder=1, **look))
+        place = np.array(polygons[0].representative_point().coords[0])
+        said = [f"{name}\n({body.material})"] if len(case.bodies) > 1 else []
+        said += filter(None, [velocity_in_words(case, name).replace(", velocity", ",\nvelocity")])
+        axes.text(place[0], place[1], "\n".join(said), ha="center", va="center", fontsize=8, zorder=6)
+        if any(body.velocity):
+            along = 2.0 * size * _unit(body.velocity)
+            _draw_arrow(axes, place - [0.0, 2.6 * size] - along / 2, along)
 
 
 def _draw_dimensions(axes: Axes, case: Case, size: float) -> None:
@@ -359,31 +403,19 @@ def close_up_window(case: Case) -> np.ndarray:
 def _draw_mesh_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None:
     grid = run.grid(float(run.stored[0]))
     corners = grid.points[grid.cells]
-    near = np.all((corners.max(axis=1) >= window[0]) & (corners.min(axis=1) <= window[1]), axis=1)
-    colour = style.OKABE_ITO[0] if not SOLVERS[run.solver].by_points else "#b9bec5"
+    near = corners[cells_in(window, corners)]
+    colour = "#b9bec5" if run.method.by_points else style.OKABE_ITO[0]
+    many = len(near) > style.RASTER_ABOVE
     axes.add_collection(
-        PolyCollection(
-            corners[near],
-            facecolors="none",
-            edgecolors=colour,
-            linewidths=0.7,
-            rasterized=near.sum() > style.RASTER_ABOVE,
-        )
+        PolyCollection(near, facecolors="none", edgecolors=colour, linewidths=0.7, rasterized=many)
     )
 
 
 def _draw_points_close_up(axes: Axes, run: RunResults, window: np.ndarray) -> None:
     points = run.points(float(run.stored[0])).reference
     near = points[np.all((points >= window[0]) & (points <= window[1]), axis=1)]
-    axes.plot(
-        *near.T,
-        linestyle="none",
-        marker="o",
-        markersize=2.6,
-        markeredgewidth=0,
-        color=style.OKABE_ITO[1],
-        rasterized=len(near) > style.RASTER_ABOVE,
-    )
+    look: Any = {"markersize": 2.6, "markeredgewidth": 0, "color": style.OKABE_ITO[1]}
+    axes.plot(*near.T, "o", rasterized=len(near) > style.RASTER_ABOVE, **look)
 
 
 def _draw_planned_grid(axes: Axes, case: Case) -> None:
@@ -394,7 +426,8 @@ def _draw_planned_grid(axes: Axes, case: Case) -> None:
 
 def _close_up(axes: Axes, results: CaseResults, case: Case, solver: str, window: np.ndarray) -> str:
     """Draw mesh, or grid and points, of the run of one solver; return its title."""
-    run = next((run for run in results.main_runs() if run.solver == solver and run.stored.size), None)
+    runs = (run for run in results.main_runs(len(results.runs)) if run.method.name == solver)
+    run = next((run for run in runs if run.stored.size), None)
     axes.set(xlim=window[:, 0], ylim=window[:, 1], aspect="equal", xticks=[], yticks=[])
     for spine in axes.spines.values():
         spine.set_visible(True)
@@ -404,9 +437,9 @@ def _close_up(axes: Axes, results: CaseResults, case: Case, solver: str, window:
         _draw_planned_grid(axes, case)
         return "planned grid"
     _draw_mesh_close_up(axes, run, window)
-    if SOLVERS[solver].by_points:
+    if run.method.by_points:
         _draw_points_close_up(axes, run, window)
-    return SOLVERS[solver].shown
+    return run.method.shown
 
 
 # ---------------------------------------------------------------- the figure
@@ -418,15 +451,13 @@ def _arrange(case: Case, close_ups: int) -> tuple[Figure, Axes, list[Axes]]:
     width, height = upper - lower
     if height < 0.45 * width:
         figure = Figure(figsize=(8.4, 3.0 + 8.4 * (height / width + 0.25)), layout="constrained")
-        grid = figure.add_gridspec(2, max(close_ups, 1), height_ratios=[8.4 * (height / width + 0.25), 2.6])
-        return (
-            figure,
-            figure.add_subplot(grid[0, :]),
-            [figure.add_subplot(grid[1, i]) for i in range(close_ups)],
-        )
-    figure = Figure(figsize=(8.4, 5.4), layout="constrained")
-    grid = figure.add_gridspec(max(close_ups, 1), 2, width_ratios=[2.1, 1.0])
-    return figure, figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[i, 1]) for i in range(close_ups)]
+        grid = figure.add_gridspec(2, close_ups, height_ratios=[8.4 * (height / width + 0.25), 2.6])
+        main, beside = grid[0, :], [grid[1, i] for i in range(close_ups)]
+    else:
+        figure = Figure(figsize=(8.4, 5.4), layout="constrained")
+        grid = figure.add_gridspec(close_ups, 2, width_ratios=[2.1, 1.0])
+        main, beside = grid[:, 0], [grid[i, 1] for i in range(close_ups)]
+    return figure, figure.add_subplot(main), [figure.add_subplot(place) for place in beside]
 
 
 def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
@@ -434,7 +465,7 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
     case = results.case
     if case is None:
         return None
-    solvers = [s for s in SOLVERS if any(run.solver == s for run in results.runs.values())] or list(SOLVERS)[:1]
+    solvers = list(dict.fromkeys(run.method.name for run in results.shown_runs())) or list(SOLVERS)[:1]
     figure, main, close_ups = _arrange(case, len(solvers))
     window, unit = close_up_window(case), case.units.label("length")
     _draw_main(main, case, window)
@@ -444,8 +475,8 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
     caption = (
         f"{case.title}: {plural(len(case.bodies), 'body', 'bodies')}, plane {case.plane.assumption}, "
         f"thickness {number(case.plane.thickness)} {unit}, spacing h = {number(case.mesh.h)} {unit}. "
-        "Orange arrows: prescribed motion; hatching: held in both directions; "
-        f"triangles: held along their axis. The dashed frame is shown "
+        "Orange arrows: what drives the bodies; hatching: held in both directions; "
+        "triangles: held along their axis. The dashed frame is shown "
         f"enlarged: {listed(dict.fromkeys(titles))}."
     )
     return style.drawing(figure, folder, "scene", "Scene", caption)
@@ -454,18 +485,19 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
 def _draw_main(axes: Axes, case: Case, window: np.ndarray) -> None:
     lower, upper = case.bounding_box()
     size = 0.045 * float((upper - lower).max())  # of a symbol
-    _draw_bodies(axes, case)
+    _draw_bodies(axes, case, size)
     draw_notches(axes, case, widen=1.4)
     samples = outline_samples(case)
-    for boundary in dict.fromkeys(constraint.on for constraint in case.constraints):
+    for boundary in conditions(case):
         _draw_boundary(axes, case, boundary, samples, size)
+    _draw_gravity(axes, case, size)
     _draw_dimensions(axes, case, size)
     axes.add_patch(
         Rectangle(tuple(window[0]), *(window[1] - window[0]), fill=False, linestyle="--", linewidth=0.9,
                   edgecolor=style.INK, zorder=5)
     )  # fmt: skip
     axes.set(
-        xlim=(lower[0] - 4.6 * size, upper[0] + 3.4 * size), ylim=(lower[1] - 4 * size, upper[1] + 3.4 * size)
+        xlim=(lower[0] - 4.6 * size, upper[0] + 3.4 * size), ylim=(lower[1] - 4 * size, upper[1] + 4 * size)
     )
     axes.set_aspect("equal")
     axes.axis("off")

@@ -14,13 +14,16 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from .results import RunResults
 
 # Okabe and Ito's palette; black is kept for published points, yellow is too pale for lines on white.
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY, INK, PALE = "#8a8f98", "#22262b", "#eceef1"
-PUBLISHED_MARKERS = ("o", "s", "^", "D", "v", "P")
-PHASE_FIELD_COLOURS = "magma"
+MARKERS = ("o", "s", "^", "D", "v", "P")
+PHASE_FIELD: Any = {"cmap": "magma", "clim": (0.0, 1.0)}
+PHASE_FIELD_LABEL = "phase field c (0 broken, 1 intact)"
 SIGNED_COLOURS = "RdBu_r"
 RASTER_DPI = 200
 RASTER_ABOVE = 5000  # more cells or points than this are drawn as pixels inside the SVG
@@ -114,20 +117,40 @@ def drawing(
     return Drawing(name, title, caption, file, None if data is None else save_data(data, folder, name))
 
 
-def panels(rows: int, columns: int, width: float, height: float, **share: Any) -> tuple[Figure, np.ndarray]:
-    """Return a figure of ``width`` by ``height`` inches and its axes as a (rows, columns) array."""
+def table_of(runs: Sequence[RunResults], columns: Sequence[str]) -> pd.DataFrame:
+    """Return the columns that the histories of the runs have, with the run's name before them."""
+    tables = [run.history[[column for column in columns if column in run.history]] for run in runs]
+    together = pd.concat([table.assign(run=run.name) for run, table in zip(runs, tables, strict=True)])
+    return together[["run", *(column for column in columns if column in together)]]
+
+
+def panels(
+    rows: int, columns: int, width: float, height: float, grid: bool = False, **share: Any
+) -> tuple[Figure, np.ndarray]:
+    """Return a figure of ``width`` by ``height`` inches and its axes as a (rows, columns) array, with a grid if asked."""
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **share)
+    for each in axes.flat if grid else ():
+        each.grid(True)
+        each.set_axisbelow(True)
     return figure, axes
 
 
-def curve_axes(figure: Figure, xlabel: str, ylabel: str) -> Any:
-    """Return one pair of axes with a light grid and labels."""
-    axes = figure.add_subplot()
-    axes.grid(True)
-    axes.set_axisbelow(True)
-    axes.set(xlabel=xlabel, ylabel=ylabel)
-    return axes
+def curve_axes(width: float, height: float, xlabel: str, ylabel: str) -> tuple[Figure, Any]:
+    """Return a figure of ``width`` by ``height`` inches and its one pair of axes, with a light grid and labels."""
+    figure, axes = panels(1, 1, width, height, grid=True)
+    axes[0, 0].set(xlabel=xlabel, ylabel=ylabel)
+    return figure, axes[0, 0]
+
+
+def legend_below(figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "") -> None:
+    """Put one legend below the panels: each label of any of the axes once, the one called ``last`` at the end."""
+    labelled = [pair for each in axes for pair in zip(*each.get_legend_handles_labels(), strict=True)]
+    handles = {label: handle for handle, label in labelled}
+    if last in handles:
+        handles[last] = handles.pop(last)
+    if handles:
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=min(len(handles), columns))
 
 
 def colours_of(names: Sequence[str]) -> dict[str, str]:

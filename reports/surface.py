@@ -128,11 +128,11 @@ def _polar(case: Case, shown: list[Surface], folder: Path, family: str = "") -> 
         axis.set_title(title)
         axis.set_ylim(bottom=0.0)
         axis.tick_params(labelsize=7)
-    _legend(figure, axes.flat[0])
-    return _drawing(
-        f"surface-energy-{family}".rstrip("-"), f"Surface energy over direction {family}".rstrip(),
-        f"{_in_words(case, shown)} Dotted: directions in which no crack runs.", figure,
-        table[["material", "toughness", "theta", "energy", "reciprocal"]], folder,
+    style.legend_below(figure, [axes.flat[0]])
+    return style.drawing(
+        figure, folder, f"surface-energy-{family}".rstrip("-"), f"Surface energy over direction {family}".rstrip(),
+        f"{_in_words(case, shown)} Dotted: directions in which no crack runs.",
+        table[["material", "toughness", "theta", "energy", "reciprocal"]],
     )  # fmt: skip
 
 
@@ -141,12 +141,6 @@ def _draw_direction(axis: Any, theta: Any, part: pd.DataFrame, column: str, colo
     forbidden = part[column].where(part["stiffness"] < 0.0)
     if forbidden.notna().any():
         axis.plot(theta, forbidden, ":", color="black", linewidth=1.8, label="forbidden")
-
-
-def _legend(figure: Any, axis: Any) -> None:
-    handles, labels = axis.get_legend_handles_labels()
-    chosen = dict(zip(labels, handles, strict=True))
-    figure.legend(chosen.values(), chosen.keys(), loc="outside lower center", ncols=3)
 
 
 def _in_words(case: Case, shown: list[Surface]) -> str:
@@ -161,7 +155,7 @@ def _in_words(case: Case, shown: list[Surface]) -> str:
 
 def _stiffness(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
     table = _table(shown)
-    figure, axes = style.panels(1, 2, 8.4, 3.6, sharex=True)
+    figure, axes = style.panels(1, 2, 8.4, 3.6, grid=True, sharex=True)
     colours = style.colours_of([surface.name for surface in shown])
     titles = (
         ("second_derivative", "second derivative of the surface energy"),
@@ -174,13 +168,12 @@ def _stiffness(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
         axis.axhline(0.0, color=style.GREY, linewidth=0.8)
         axis.set(xlabel="direction of the crack [°]", ylabel=f"{title} over toughness [1]", xlim=(0.0, 180.0))
         axis.set_xticks(np.arange(0, 181, 45))
-        axis.grid(True)
-    _legend(figure, axes.flat[0])
+    style.legend_below(figure, [axes.flat[0]])
     caption = (
         "Second derivative of the surface energy and surface stiffness (Eq. 5.18); where it is negative, no crack runs."
     )
     data = table[["material", "toughness", "theta", "second_derivative", "stiffness"]]
-    return _drawing("surface-stiffness", "Surface stiffness", caption, figure, data, folder)
+    return style.drawing(figure, folder, "surface-stiffness", "Surface stiffness", caption, data)
 
 
 def _profile_table(shown: list[Surface]) -> pd.DataFrame:
@@ -202,7 +195,7 @@ def _profile_table(shown: list[Surface]) -> pd.DataFrame:
 
 def _profiles(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
     table, unit = _profile_table(shown), case.units.label("length")
-    figure, axes = style.panels(1, 3, 8.4, 3.4)
+    figure, axes = style.panels(1, 3, 8.4, 3.4, grid=True)
     colours = style.colours_of([surface.name for surface in shown])
     names = ("phase field c", f"slope of c [1/{unit}]", f"crack density [1/{unit}]")
     for axis, column, name in zip(axes.flat, PROFILE_QUANTITIES, names, strict=True):
@@ -212,14 +205,10 @@ def _profiles(case: Case, shown: list[Surface], folder: Path) -> style.Drawing:
             seen[str(material)] = 1
             axis.plot(part["x"], part[column], line, color=colours[str(material)], label=str(crack))
         axis.set(xlabel=f"distance from the crack [{unit}]", ylabel=name)
-        axis.grid(True)
-    _legend(figure, axes.flat[0])
+    style.legend_below(figure, [axes.flat[0]])
     caption = (
         "Exact solutions of Eqs. 5.10-5.11 across a crack in the weakest (solid) and in the strongest direction (dashed)"
         " of each material."
     )
-    return _drawing("surface-profiles", "Profiles of the phase field across a crack", caption, figure, table, folder)
-
-
-def _drawing(name: str, title: str, caption: str, figure: Any, data: pd.DataFrame, folder: Path) -> style.Drawing:
-    return style.drawing(figure, folder, name, title, caption, data)
+    title = "Profiles of the phase field across a crack"
+    return style.drawing(figure, folder, "surface-profiles", title, caption, table)

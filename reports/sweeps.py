@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from cases.solvers import SOLVERS
-
 from . import style
-from .results import CaseResults
+from .results import method_of
 from .words import listed, number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from .results import CaseResults
 
 CRITICAL = ("peak_force", "displacement_at_peak")
 TITLES = {"peak_force": "peak force", "displacement_at_peak": "displacement at peak"}
@@ -21,22 +24,27 @@ SAID = ("metric", "unit", "value", "target")
 LENGTH_SCALE, SPACING = "length_scale", "h"
 
 
+def _swept(results: CaseResults) -> Iterator[tuple[Any, dict[str, Any], dict[str, Any]]]:
+    """Yield what the checks against references say of sweeps over numbers: the run's spec, what was swept, the check."""
+    specs = results.case.run_specs() if results.case else {}
+    for check in results.checks:
+        spec, published = specs.get(check["run"]), str(check["against"]).startswith("reference:")
+        values = spec.sweep_values if spec else {}
+        numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values.values())
+        if values and numbers and published and check["value"] is not None:
+            yield spec, values, check
+
+
 def critical_table(results: CaseResults) -> pd.DataFrame:
     """Return what the checks say of sweeps over two numbers.
 
     Columns family, first, second (names of what was swept), line, x (their values), metric, value, published.
     """
-    specs = results.case.run_specs() if results.case else {}
     rows = []
-    for check in results.entry.get("checks", []):
-        spec = specs.get(check["run"])
-        if spec is None or check["metric"] not in CRITICAL or not str(check["against"]).startswith("reference:"):
-            continue
-        swept = {key.rpartition(".")[2]: value for key, value in spec.sweep_values.items()}
-        numbers = all(isinstance(value, int | float) for value in swept.values())
-        if len(swept) == 2 and numbers and check["value"] is not None:
-            (first, line), (second, x) = swept.items()
-            rows.append((spec.family, first, second, line, x, check["metric"], check["value"], check["target"]))
+    for spec, values, check in _swept(results):
+        if len(values) == 2 and check["metric"] in CRITICAL:
+            first, second = (key.rpartition(".")[2] for key in values)
+            rows.append((spec.family, first, second, *values.values(), check["metric"], check["value"], check["target"]))
     return pd.DataFrame(rows, columns=["family", "first", "second", "line", "x", "metric", "value", "published"])
 
 
@@ -47,7 +55,7 @@ def critical_values(results: CaseResults, folder: Path) -> list[style.Drawing]:
 
 def _critical(family: str, table: pd.DataFrame, results: CaseResults, folder: Path) -> style.Drawing:
     first, second = table["first"].iloc[0], table["second"].iloc[0]
-    figure, axes = style.panels(1, len(CRITICAL), 8.4, 3.8)
+    figure, axes = style.panels(1, len(CRITICAL), 8.4, 3.8, grid=True)
     colours = style.colours_of([f"{line:g}" for line in sorted(table["line"].unique())])
     for axis, metric in zip(axes.flat, CRITICAL, strict=True):
         part = table[table["metric"] == metric]
@@ -58,11 +66,7 @@ def _critical(family: str, table: pd.DataFrame, results: CaseResults, folder: Pa
         ticks = sorted(part["x"].unique())
         axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
         axis.minorticks_off()
-        axis.grid(True)
-    handles, labels = axes.flat[0].get_legend_handles_labels()
-    chosen = dict(zip(labels, handles, strict=True))
-    chosen["published"] = chosen.pop("published")
-    figure.legend(chosen.values(), chosen.keys(), loc="outside lower center", ncols=min(len(chosen), 5))
+    style.legend_below(figure, [axes.flat[0]], columns=5, last="published")
     name = f"critical-{style.slug(family)}"
     return style.drawing(
         figure, folder, name, f"Critical values: {family}",
@@ -76,16 +80,10 @@ def single_table(results: CaseResults) -> pd.DataFrame:
 
     Columns family, solver, swept (name), x (its value), metric, unit, value, target.
     """
-    specs = results.case.run_specs() if results.case else {}
-    rows = []
-    for check in results.entry.get("checks", []):
-        spec = specs.get(check["run"])
-        published = str(check["against"]).startswith("reference:") and check["value"] is not None
-        if spec is None or len(spec.sweep_values) != 1 or not published:
-            continue
-        ((key, x),) = spec.sweep_values.items()
-        if isinstance(x, int | float) and not isinstance(x, bool):
-            rows.append((spec.family, spec.solver, key, x, *(check[name] for name in SAID)))
+    rows = [
+        (spec.family, spec.solver, *next(iter(values.items())), *(check[name] for name in SAID))
+        for spec, values, check in _swept(results) if len(values) == 1
+    ]  # fmt: skip
     return pd.DataFrame(rows, columns=["family", "solver", "swept", "x", *SAID])
 
 
@@ -96,10 +94,9 @@ def values_over_sweep(results: CaseResults, folder: Path) -> list[style.Drawing]
         row = part.sort_values("x").drop_duplicates("x")
         if len(row) < 3:
             continue
-        figure = style.Figure(figsize=(6.4, 3.8))
         said = f"{str(metric).replace('_', ' ')}" + ("" if row["unit"].iloc[0] == "1" else f" [{row['unit'].iloc[0]}]")
-        axes = style.curve_axes(figure, str(row["swept"].iloc[0]), said)
-        line = SOLVERS[str(row["solver"].iloc[0])].line
+        figure, axes = style.curve_axes(6.4, 3.8, str(row["swept"].iloc[0]), said)
+        line = method_of(str(row["solver"].iloc[0])).line
         axes.plot(row["x"], row["value"], line, marker="o", markersize=4, label="computed")
         axes.plot(row["x"], row["target"], "x", color="black", markersize=6, label="published", zorder=4)
         axes.legend()

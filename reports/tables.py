@@ -1,11 +1,10 @@
-"""Rows of the tables on a case's page: checks, runs, cost."""
+"""Tables of a case's page: checks, runs, cost, prices; every number is a text already."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from cases import load_case
-from cases.solvers import SOLVERS
 from numerics.status import RunStatus
 from verify.planning.recorded_prices import current_prices
 
@@ -35,32 +34,36 @@ COUNTER_WORDS = {
 }
 
 
-def check_rows(results: CaseResults) -> list[dict[str, Any]]:
-    """Return the checks with every number as text, ``margin`` being the share of the limit used."""
-    return [_check_row(results, check) for check in results.checks]
+def check_groups(results: CaseResults) -> list[dict[str, Any]]:
+    """Return the checks by metric and its parameters; in each ``parts`` of rows that share reason, source and note."""
+    groups: dict[tuple[str, str], dict[str, Any]] = {}
+    for check in results.checks:
+        metric = str(check["metric"])
+        parameters = ", ".join(f"{name} = {value}" for name, value in (check.get("parameters") or {}).items())
+        group = groups.setdefault(
+            (metric, parameters),
+            {
+                "metric": metric_in_words(metric), "meaning": metric_meaning(metric), "parameters": parameters,
+                "unit": metric_unit(metric, results.case), "parts": {},
+            },
+        )  # fmt: skip
+        why = tuple(str(check.get(key) or "") for key in ("reason", "source", "note"))
+        group["parts"].setdefault(why, []).append(_check_row(check))
+    return list(groups.values())
 
 
-def _check_row(results: CaseResults, check: Mapping[str, Any]) -> dict[str, Any]:
-    metric = str(check["metric"])
-    parameters = ", ".join(f"{name} = {value}" for name, value in (check.get("parameters") or {}).items())
+def _check_row(check: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        "metric": metric_in_words(metric),
-        "meaning": metric_meaning(metric),
-        "parameters": parameters,
         "run": check["run"],
         "against": against_in_words(str(check.get("against", ""))),
         "value": number(check.get("value")),
         "target": number(check.get("target")),
-        "unit": metric_unit(metric, results.case),
         "error": measured_error(check),
         "limit": measured_error(check, "limit"),
         "margin": check.get("margin_used"),
         "margin_text": percent(check.get("margin_used")),
         "verdict": check.get("verdict", "MISSING"),
         "gate": check.get("gate", True),
-        "reason": check.get("reason", ""),
-        "source": check.get("source") or "",
-        "note": check.get("note") or "",
     }
 
 
@@ -80,12 +83,10 @@ def seconds_per_iteration(run: RunResults) -> float | None:
 def cost_table(results: CaseResults) -> dict[str, Any]:
     """Return ``runs`` (column heads) and ``rows`` of (words, one text per run) of what each run took."""
     runs = results.shown_runs()
-    rows: list[tuple[str, list[str]]] = [
-        ("method", [SOLVERS[r.solver].title for r in runs])
-    ]
-    rows += [
-        (COUNTER_WORDS.get(key, key.replace("_", " ")), _counts(runs, key)) for key in _keys(runs, "counters")
-    ]
+    rows = [("method", [run.method.title for run in runs])]
+    for key in _keys(runs, "counters"):
+        counts = [whole((run.entry.get("counters") or {}).get(key)) for run in runs]
+        rows.append((COUNTER_WORDS.get(key, key.replace("_", " ")), counts))
     rows += [
         ("increments", [whole(len(run.history) - 1) for run in runs]),
         ("staggered iterations", [whole(staggered_iterations(run)) for run in runs]),
@@ -96,10 +97,7 @@ def cost_table(results: CaseResults) -> dict[str, Any]:
         rows.append((f"{key.replace('_', ' ')} [s]", texts))
     rows += [
         ("solve per staggered iteration [ms]", [_milliseconds(run) for run in runs]),
-        (
-            "peak memory [MB]",
-            [number(run.entry.get("memory_mb", run.record.get("memory_mb"))) for run in runs],
-        ),
+        ("peak memory [MB]", [number(run.entry.get("memory_mb", run.record.get("memory_mb"))) for run in runs]),
         ("threads", [whole(run.record.get("threads")) for run in runs]),
         ("processor", [str(run.record.get("processor") or "–") for run in runs]),
     ]
@@ -109,10 +107,6 @@ def cost_table(results: CaseResults) -> dict[str, Any]:
 def _keys(runs: list[RunResults], table: str) -> list[str]:
     """Return the keys of all runs in the order of first use."""
     return list(dict.fromkeys(key for run in runs for key in run.entry.get(table) or {}))
-
-
-def _counts(runs: list[RunResults], key: str) -> list[str]:
-    return [whole((run.entry.get("counters") or {}).get(key)) for run in runs]
 
 
 def _milliseconds(run: RunResults) -> str:
@@ -149,9 +143,9 @@ def _price_in_words(results: CaseResults, row: pd.Series) -> str:
 
 def cost_sentence(results: CaseResults) -> str:
     """Return the ratio of MPM to FEM seconds per staggered iteration of the main runs."""
-    first = {run.solver: run for run in reversed(results.main_runs())}
-    timed = [(run, seconds_per_iteration(run)) for run in (first[name] for name in SOLVERS if name in first)]
-    costs = [(f"{run.name} ({SOLVERS[run.solver].title})", seconds) for run, seconds in timed if seconds]
+    first = {run.method.name: run for run in reversed(results.main_runs(len(results.runs)))}
+    timed = [(run, seconds_per_iteration(run)) for run in reversed(first.values())]
+    costs = [(f"{run.name} ({run.method.title})", seconds) for run, seconds in timed if seconds]
     if len(costs) < 2:
         return ""
     (reference, base), *others = costs
@@ -168,7 +162,7 @@ def run_rows(results: CaseResults) -> list[dict[str, Any]]:
     return [
         {
             "name": run.name,
-            "method": SOLVERS[run.solver].title,
+            "method": run.method.title,
             "status": run.status.words,
             "good": run.status.good,
             "reason": str(run.entry.get("reason") or ("" if run.exists else run.problem)),

@@ -57,7 +57,7 @@ def listed(items: Iterable[str]) -> str:
 
 def metric_in_words(metric: str) -> str:
     """Return the metric's name as words."""
-    words = metric.removeprefix("measure:").replace("_", " ").replace("l2", "L2").strip()
+    words = metric.replace("_", " ").replace("l2", "L2").strip()
     return words[:1].upper() + words[1:]
 
 
@@ -97,19 +97,28 @@ def measured_error(check: Mapping[str, Any], key: str = "error") -> str:
     """Return a check's error (or limit) in the measure that it is judged in."""
     value = check.get(key)
     is_itself_an_error = check.get("target") is None and check.get("error") is not None
-    relative = check.get("measure", "relative") == "relative" and not is_itself_an_error
+    relative = check.get("error_kind", "relative") == "relative" and not is_itself_an_error
     return percent(value) if relative else number(value)
 
 
 def check_in_words(check: Mapping[str, Any]) -> str:
     """Return one check as a clause: metric, run, what against, error and limit."""
-    metric = metric_in_words(str(check["metric"])).lower().replace("l2", "L2")
     against = check.get("against", "none")
     compared = "" if against == "none" else f" against {against_in_words(against)}"
-    return (
-        f"{metric} of {check['run']}{compared}: error {measured_error(check)}, "
-        f"limit {measured_error(check, 'limit')}"
-    )
+    return f"{_short(check)}{compared}: error {measured_error(check)}, limit {measured_error(check, 'limit')}"
+
+
+def key_number(checks: Iterable[Mapping[str, Any]]) -> str:
+    """Return the value that the case's first gated check is about, and its target; nothing without a value."""
+    gated = [check for check in checks if check.get("gate", True) and check.get("value") is not None]
+    if not gated:
+        return ""
+    check, against = gated[0], str(gated[0].get("against", "none"))
+    unit = "" if check.get("unit") in (None, "1") else f" {check['unit']}"
+    target = "" if check.get("target") is None else f" against {number(check['target'])}{unit}"
+    target += f" ({against_in_words(against)})" if target and not against.startswith("value:") else ""
+    said = f"{_short(check)} {number(check['value'])}{unit}{target}"
+    return said[:1].upper() + said[1:]
 
 
 def verdict_sentence(entry: Mapping[str, Any]) -> str:
@@ -130,7 +139,7 @@ def verdict_sentence(entry: Mapping[str, Any]) -> str:
 
 
 def _short(check: Mapping[str, Any]) -> str:
-    return f"{metric_in_words(str(check['metric'])).lower()} of {check['run']}"
+    return f"{metric_in_words(str(check['metric'])).lower().replace('l2', 'L2')} of {check['run']}"
 
 
 def runs_sentence(runs: Sequence[Any]) -> str:

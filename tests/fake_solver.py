@@ -1,6 +1,6 @@
 """An analytic stand-in for the solvers: a square that softens after a peak, in milliseconds."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from numerics.fields import Fields
 from numerics.quasi_static import Increment
 from numerics.status import RunStatus
 from verify.runs import running
+from verify.runs.listeners import Listener
 
 CASE = """
 title = "Softening square"
@@ -136,6 +137,22 @@ def stopping_at(step: int, error: BaseException | None = None) -> Any:
         yield replace(increment, status="no_convergence", reason="the smallest increment failed")
 
     return increments
+
+
+class Seen(Listener):
+    """Keeps what it is told; presses Ctrl-C where ``stop`` says so."""
+
+    def __init__(self, stop: Callable[[Any], bool] = lambda record: False) -> None:
+        self.records: list[Any] = []
+        self.note, self._stop = "", stop
+
+    def start(self, after: Any, note: str) -> None:
+        self.note = note
+
+    def record(self, record: Any, discretisation: Any) -> None:
+        self.records.append(record)
+        if self._stop(record):
+            raise KeyboardInterrupt
 
 
 def install(

@@ -6,7 +6,6 @@ reads results need no computation. The two solvers differ by a small, known amou
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,12 +14,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cases import load_case
+from cases import Case, load_case
 from numerics.costs import Costs
 from numerics.fields import Fields
 from numerics.quasi_static import Increment
 from numerics.status import RunStatus
-from verify.runs.run_folder import RunWriter, run_path
+from verify.judging.summary import summarise, write_summary
+from verify.runs.run_folder import run_path
+from verify.runs.run_writer import RunWriter
 
 PEAK, BROKEN, END = 0.0056, 0.0060, 0.0064
 FORCE_OF_MPM = 1.004  # force of the synthetic MPM over that of the FEM
@@ -78,12 +79,28 @@ source = "Someone & Other (2010), <Journal> 199"
 uncertainty = "1 %"
 values = {{ peak_force = 0.70 }}
 curve = "someone2010.csv"
+[references.cycled2012]
+kind = "measured"
+source = "A test that was unloaded once (2012)"
+curve = "cycled2012.csv"
 [[checks]]
 metric = "peak_force"
 run = "mpm"
 against = "fem"
 limit = 0.01
 reason = "the thesis finds 0.014 %"
+[[checks]]
+metric = "peak_force"
+run = "mpm"
+against = "reference:someone2010"
+limit = 0.01
+reason = "two readings <differ>"
+[[checks]]
+metric = "peak_force"
+run = "mpm"
+against = "baseline"
+limit = 0.001
+reason = "own baseline"
 """
 
 
@@ -156,12 +173,13 @@ def fields(cells: int, state: State) -> Fields:
     )
 
 
-def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict[str, Any]:
-    """Write one run folder and return its entry of the summary."""
-    folder, solver = run_path(out, case.name, case.tier, run), case.run_spec(run).solver
+def write_run(case: Case, out: Path, cells: int, factor: float, measures: dict[str, float] | None = None) -> None:
+    """Write the folder of one run, whose case it is."""
+    folder = run_path(out, case.name, case.tier, case.run)
     displacements = np.unique(np.concatenate([np.linspace(0.0, END, 65), case.output.snapshots]))
     work, before = 0.0, (0.0, 0.0)
     with RunWriter(folder, case.output.snapshots) as writer:
+        writer.start(None, "")
         for step, u in enumerate(displacements):
             state = State(float(u), factor)
             work += 0.5 * (state.force + before[1]) * (u - before[0])
@@ -183,24 +201,23 @@ def write_run(case: Any, run: str, out: Path, cells: int, factor: float) -> dict
                 reason="",
             )
             writer.record(increment, _solver(cells, state))
-        writer.last_state(_solver(cells, State(END, factor)))
+        writer.finish(_solver(cells, State(END, factor)), fields(cells, State(END, factor)))
         x = np.linspace(0.5, 1.0, 60)
-        info = _info(case, run, solver, cells)
-        writer.finish(info, np.column_stack([x, line_of_crack(x, factor)]))
-    kept = ("status", "reason", "counters", "seconds", "memory_mb", "measures", "case_hash", "solver")
-    return {"folder": folder.relative_to(out).as_posix(), **{key: info[key] for key in kept}}
+        writer.close(_info(case, cells, measures or {}), np.column_stack([x, line_of_crack(x, factor)]))
 
 
 def _solver(cells: int, state: State) -> Any:
-    return SimpleNamespace(costs=Costs(), fields=lambda: fields(cells, state), checkpoint=dict)
+    return SimpleNamespace(costs=Costs(), fields=lambda: fields(cells, state))
 
 
-def _info(case: Any, run: str, solver: str, cells: int) -> dict[str, Any]:
+def _info(case: Case, cells: int, measures: dict[str, float]) -> dict[str, Any]:
+    solver = case.run_spec(case.run).solver
     part = 1.0 if solver == "fem" else 1.13
     return {
         "case": case.name,
+        "case_source": str(case.source),
         "tier": case.tier,
-        "run": run,
+        "run": case.run,
         "solver": solver,
         "status": "broken_through",
         "reason": "",
@@ -210,7 +227,7 @@ def _info(case: Any, run: str, solver: str, cells: int) -> dict[str, Any]:
         "processor": "a <processor>",
         "threads": 2,
         "memory_mb": 512.5,
-        "measures": {},
+        "measures": measures,
         "counters": {
             "unknowns_displacement": 2 * (cells + 1) ** 2,
             "unknowns_phase_field": (cells + 1) ** 2,
@@ -230,130 +247,23 @@ def _info(case: Any, run: str, solver: str, cells: int) -> dict[str, Any]:
 
 
 def write_verification(out: Path, cells: int = 40) -> dict[str, Any]:
-    """Write a case, the folders of two runs and ``out/summary.json``; return the summary."""
+    """Write a case and the folders of its runs, judge them into ``out/summary.json``; return the summary."""
     source = out / "cases" / "notched" / "case.toml"
     source.parent.mkdir(parents=True)
-    u = np.linspace(0.0, 0.0059, 18)
-    points = pd.DataFrame({"u": u, "F": [0.99 * State(v, 1.0).force for v in u]})
-    points.to_csv(source.with_name("someone2010.csv"), index=False)
+    cycle = np.concatenate([np.linspace(0.0, 0.002, 9), np.linspace(0.00175, 0.0, 8), np.linspace(0.00025, 0.006, 24)])
+    for name, u in (("someone2010", np.linspace(0.0, 0.0059, 18)), ("cycled2012", cycle)):
+        points = pd.DataFrame({"u": u, "F": [0.99 * State(v, 1.0).force for v in u]})
+        points.to_csv(source.with_name(f"{name}.csv"), index=False)
     source.write_text(CASE, encoding="utf-8")
     source.with_name("README.md").write_text(
         "# Notes\n\n| a | b |\n|---|---|\n| 1 | <script>x</script> |\n", "utf-8"
     )
+    write_run(load_case(source, run="fem"), out, cells, 1.0)
+    write_run(load_case(source, run="mpm"), out, cells, FORCE_OF_MPM)
+    for h in (0.05, 0.025, 0.0125):
+        measures = {"l2_error_displacement": 0.3 * h**3}
+        write_run(load_case(source, run=f"levels[h={h:g}]"), out, 4, FORCE_OF_MPM, measures)
     case = load_case(source)
-    runs = {
-        "fem": write_run(case, "fem", out, cells, 1.0),
-        "mpm": write_run(case, "mpm", out, cells, FORCE_OF_MPM),
-    }
-    runs |= {
-        f"levels[h={h:g}]": {
-            "folder": "",
-            "status": "missing",
-            "reason": "",
-            "seconds": {},
-            "counters": {},
-            "measures": {"l2_error_displacement": 0.3 * h**3},
-            "solver": "mpm",
-        }
-        for h in (0.05, 0.025, 0.0125)
-    }
-    summary = {
-        "version": "0.1.0",
-        "created": "2026-01-01T00:00:00",
-        "tier": case.tier,
-        "cases": [_entry(case, runs, out)],
-    }
-    (out / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    summary = summarise([case], case.tier, out)
+    write_summary(summary, out)
     return summary
-
-
-def _checks() -> list[dict[str, Any]]:
-    common = {
-        "metric": "peak_force",
-        "run": "mpm",
-        "measure": "relative",
-        "gate": True,
-        "note": "",
-        "parameters": {},
-    }
-    against_fem = common | {
-        "against": "fem",
-        "value": 0.68136,
-        "target": 0.67864,
-        "error": 0.004008,
-        "limit": 0.01,
-        "margin_used": 0.4008,
-        "verdict": "PASS",
-        "reason": "the thesis finds 0.014 %",
-        "source": "",
-    }
-    published = common | {
-        "against": "reference:someone2010",
-        "value": 0.68136,
-        "target": 0.55,
-        "error": 0.23884,
-        "limit": 0.03,
-        "margin_used": 7.961,
-        "verdict": "FAIL",
-        "reason": "two readings <differ>",
-        "source": "Someone & Other (2010)",
-    }
-    missing = common | {
-        "against": "baseline",
-        "value": 0.68136,
-        "target": None,
-        "error": None,
-        "limit": 0.001,
-        "margin_used": None,
-        "verdict": "MISSING",
-        "reason": "own baseline",
-        "source": "",
-        "note": "no baseline for this tier",
-    }
-    return [against_fem, published, missing]
-
-
-def _entry(case: Any, runs: dict[str, Any], out: Path) -> dict[str, Any]:
-    return {
-        "case": case.name,
-        "source": str(case.source),
-        "title": case.title,
-        "section": case.section,
-        "requirement": case.requirement,
-        "tier": case.tier,
-        "verdict": "FAIL",
-        "command": f"verify run {case.name} && verify compare {case.name}",
-        "runs": runs,
-        "checks": _checks(),
-        "curves": [
-            _curve("mpm", "fem", out),
-            _curve("mpm", "someone2010", out),
-            _curve("fem", "someone2010", out),
-        ],
-        "crack_paths": [
-            {"pair": "mpm vs fem", "run": "mpm", "reference": "fem", "hausdorff": 0.004, "mean": 0.0025}
-        ],
-    }
-
-
-def _curve(run: str, reference: str, out: Path) -> dict[str, Any]:
-    factors = {"mpm": FORCE_OF_MPM, "fem": 1.0, "someone2010": 0.99}
-    u = np.linspace(0.0, END, 201)[1:]
-    table = pd.DataFrame({"u": u, "F_reference": [State(v, factors[reference]).force for v in u]})
-    table["F"] = [State(v, factors[run]).force + 0.002 * max(v - PEAK, 0) / PEAK for v in u]
-    shown = table["F_reference"] > 1e-3 * table["F_reference"].max()
-    error = 100 * (table["F"] - table["F_reference"]) / table["F_reference"]
-    table["relative_error_percent"] = error.where(shown)
-    file = Path("curves") / f"{run}_vs_{reference}.csv"
-    (out / file).parent.mkdir(exist_ok=True)
-    table.to_csv(out / file, index=False)
-    return {
-        "against": f"{run} vs {reference}",
-        "run": run,
-        "reference": reference,
-        "file": file.as_posix(),
-        "note": "",
-        "l2_percent_before_peak": 0.4,
-        "l2_percent_after_peak": 3.21,
-        "l2_percent_whole": 1.5,
-    }

@@ -14,7 +14,7 @@ from reports import draw_chart, drawing_style
 from reports.charts import accuracy_against_cost
 from reports.maps import where_it_fails
 from reports.results import CaseResults
-from verify.planning.calibration import Cost
+from verify import cli
 from verify.runs import running
 from verify.studies import study as studies
 from verify.studies.charts import choice_sentence, choices, extrapolated, make_charts, slopes
@@ -126,6 +126,26 @@ def test_the_cheapest_level_is_chosen_and_an_accident_is_not() -> None:
     said = choice_sentence(chosen.reset_index().iloc[2])
     least = "at the finest, error and the reference's uncertainty are 0.6 %"
     assert said == f"For 0.1 % in peak force no level is accurate enough: {least}."
+
+
+@pytest.mark.parametrize(
+    ("quantity", "words"),
+    [
+        ('{ metric = "crack_angle" }', "crack_angle has no relative error: no level or not every reference gives it."),
+        ('{ metric = "energy_release_rate", parameters = { inner = 1.0, outer = 2.0 } }', "not every reference gives it"),
+        ('{ metric = "peak_force", value = 0.0 }', "peak_force has no relative error: its reference is zero or unknown."),
+    ],
+)
+def test_a_quantity_without_value_or_with_a_target_of_zero_is_told_and_leaves_its_rows_empty(
+    case_file: Path, tmp_path: Path, quantity: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case_file.write_text(case_file.read_text().replace('{ metric = "peak_force" }', quantity))
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["chart", str(case_file), "--tier", "quick", "--out", str(tmp_path / "out")])
+    assert ended.value.code == 0 and words in capsys.readouterr().out
+    table = pd.read_csv(tmp_path / "out" / "charts" / "square" / "quick" / "spacing.csv")
+    by_quantity = table.groupby("quantity", sort=False)["error"].count()
+    assert by_quantity.iloc[0] == 0 and by_quantity["curve_l2_before_peak"] == 7
 
 
 def test_levels_that_failed_are_not_taken_for_the_finest() -> None:
@@ -262,7 +282,7 @@ def test_charts_and_maps_tell_their_predicted_time_before_the_first_run(
     """Two at a time take half as long; what is finished takes none."""
     case, told = load_case(fake_solver.write_case(tmp_path / "square", CHART, MAP), "quick"), []
     monkeypatch.setattr(studies, "LONG", 0.0)
-    monkeypatch.setattr(studies, "cost_of", lambda case, size: Cost(1.0, 1200.0, 1.0))
+    monkeypatch.setattr(studies, "expected_seconds", lambda case, run: 1200.0)
     make_charts(case, Options(tmp_path / "out"), tell=told.append)
     make_maps(case, Options(tmp_path / "out", jobs=2), tell=told.append)
     charts = told.index("The charts of square will take about 200 minutes; what is finished is kept if you stop it.")

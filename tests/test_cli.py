@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from verify import cli
+from verify.runs import running
 from verify.runs.run_folder import run_path
 
 
@@ -128,6 +129,9 @@ def test_an_interrupted_run_says_where_it_stopped(
         (["accept", "{case}"], "--reason"),
         (["accept", "{case}", "--reason", " ", "--out", "{out}"], "reason"),
         (["run", "{case}", "--threads", "none"], "--threads"),
+        (["run", "{case}", "--out", ""], "is empty; give a folder"),
+        (["run", "{case}", "--out", "{case}"], "is a file; give a folder"),
+        (["run", "--run", "nobody", "--tier", "quick"], "no case has a run called nobody"),
         (["frobnicate"], "No such command"),
         (["chart", "{case}"], "add a table [charts.NAME]"),
         (["stability", "{case}"], "add a table [maps.NAME]"),
@@ -164,7 +168,10 @@ def test_compare_never_runs_a_solver(
     assert verify("compare", case, *options) == 0
 
 
-def test_accept_then_compare_is_within(tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_accept_then_compare_is_within(
+    tmp_path: Path, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "code_version", lambda: "0.1.0+abc1234")
     case = fake_solver.write_case(tmp_path / "square", fake_solver.check("baseline"))
     assert verify("run", case, *options) == 0
     assert verify("accept", case, "--reason", "first values", *options) == 0
@@ -196,11 +203,51 @@ def test_validate_reads_all_tiers_and_runs(tmp_path: Path, capsys: pytest.Captur
     assert verify("validate", case) == 3
 
 
+def test_validate_reads_the_tiers_of_a_case_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / "square")
+    text = case.read_text()
+    for run in ("fem", "mpm"):
+        text = text.replace(f'[runs.{run}]\nsolver = "{run}"\n', "")
+    case.write_text(text)
+    assert verify("validate", case) == 0
+    assert verify("run", case) == 3 and "add a table [runs.NAME]" in capsys.readouterr().err
+    case.write_text(text + "[tiers.paper.mesh]\nh = -1.0\n")
+    assert verify("validate", case) == 3 and "tiers.paper.mesh.h" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("folder", ["[h=10]", "[/bold]"])
+def test_brackets_are_printed_as_they_are(tmp_path: Path, folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / folder)
+    case.write_text(case.read_text() + '[runs.swept]\nsolver = "fem"\nsweep = { "mesh.h" = [0.25, 0.125] }\n')
+    assert verify("validate", case) == 0
+    assert folder in capsys.readouterr().out
+    assert verify("plan", case, "--run", "swept") == 0
+    assert "swept[h=0.125]" in capsys.readouterr().out
+
+
+def test_a_mistake_of_the_program_is_no_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def mistaken(*_: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("verify.planning.plan.plan", mistaken)
+    case = fake_solver.write_case(tmp_path / "square")
+    assert verify("plan", case) == 5
+    said = capsys.readouterr().err
+    assert said.startswith("Internal error: ZeroDivisionError") and len(said.strip().splitlines()) == 1
+    file = Path(said.split("with ")[1].split()[0])
+    assert "Traceback" in file.read_text(encoding="utf-8")
+    file.unlink()
+    assert verify("--debug", "plan", case) == 5
+    assert "Traceback" in capsys.readouterr().err
+
+
 def test_plan_prints_sizes_before_anything_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case = fake_solver.write_case(tmp_path / "square")
     assert verify("plan", case, "--tier", "quick", "--run", "fem") == 0
     said = capsys.readouterr().out
-    assert "25" in said and "72 of u, 36 of c" in said and "11 or more" in said
+    assert "25" in said and "66 of u, 36 of c" in said and "11 or more" in said
 
 
 def test_surface_energy_is_drawn_before_anything_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

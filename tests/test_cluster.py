@@ -17,8 +17,9 @@ import pytest
 from cases import load_case
 from verify import cli
 from verify.runs import cluster, jobs, running
+from verify.runs.checkpoint import CheckpointWriter
 from verify.runs.jobs import Job, outcomes
-from verify.runs.run_folder import RunFolder, RunWriter, partial_folder
+from verify.runs.run_folder import RunFolder, partial_folder
 from verify.studies.charts import make_charts
 from verify.studies.study import Options
 
@@ -42,7 +43,7 @@ def use_stand_ins(pause: float = 0.0) -> None:
 
     running.DISCRETISATIONS.update(fem=fake_solver.FakeSolver, mpm=fake_solver.FakeSolver)
     running.solver_records = slow
-    RunWriter.checkpoint_interval, RunWriter.largest_share = 0.0, 1.0
+    CheckpointWriter.interval, CheckpointWriter.largest_share = 0.0, 1.0
 
 
 @pytest.fixture(scope="module")

@@ -67,26 +67,44 @@ def test_scattered_points_give_the_same():
     assert release_rate(points + jitter, volume) == pytest.approx(EXACT, rel=5e-3)
 
 
+TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # by a right angle, so that the crack grows along y
+
+
+def turned_state(points):
+    """Of the crack that is turned; points before the turn."""
+    state = mode_one_state(points)
+    xx, yy, xy = state["stress"].T
+    gradient = (TURN @ state["gradient"].reshape(-1, 2, 2) @ TURN.T).reshape(-1, 4)
+    return state | {"gradient": gradient, "stress": np.column_stack([yy, xx, -xy])}
+
+
 def test_rotated_crack_gives_the_same():
     points, volume = cloud()
-    turn = np.array([[0.0, -1.0], [1.0, 0.0]])  # by a right angle, so that the crack grows along y
-    state = mode_one_state(points)
-    gradient = (turn @ state["gradient"].reshape(-1, 2, 2) @ turn.T).reshape(-1, 4)
-    xx, yy, xy = state["stress"].T
-    stress = np.column_stack([yy, xx, -xy])
+    boxes = {"tip": TURN @ TIP, "inner": 0.3, "outer": 0.7}
     found = energy_release_rate(
-        points @ turn.T,
-        volume,
-        THICKNESS,
-        stress,
-        gradient,
-        state["energy_density"],
-        turn @ TIP,
-        0.3,
-        0.7,
-        direction=(0.0, 1.0),
+        points @ TURN.T, volume, THICKNESS, **turned_state(points), **boxes, direction=(0.0, 1.0)
     )
     assert found == pytest.approx(release_rate(points, volume), rel=1e-9)
+
+
+@pytest.mark.parametrize("broken", [True, False])
+def test_the_metric_takes_the_direction_of_the_crack_or_of_its_notch(broken):
+    """A crack along y: traced, or the only notch of a body in which nothing broke."""
+    points, volume = cloud()
+    behind = np.minimum(points[:, 0] - TIP[0], 0.0)
+    away = np.hypot(points[:, 0] - TIP[0] - behind, points[:, 1] - TIP[1])
+    phase = 1 - np.exp(-away / 0.06) if broken else np.ones(len(points))
+    data = turned_state(points) | {"reference": points @ TURN.T, "volume": volume, "phase_field": phase}
+    notch = SimpleNamespace(kind="slit", start=TURN @ (TIP - (1.0, 0.0)), end=TURN @ TIP)
+    case = SimpleNamespace(
+        plane=SimpleNamespace(thickness=THICKNESS), notches=() if broken else (notch,), mesh=SimpleNamespace(h=0.02)
+    )
+    run = SimpleNamespace(
+        case=case, info={"run": "a run"}, snapshots=lambda: [(0.0, 0, SimpleNamespace(point_data=data))]
+    )
+    metric = METRICS["energy_release_rate"]
+    assert metric(run, inner=0.3, outer=0.6) == pytest.approx(EXACT, rel=1e-2)
+    assert metric(run, inner=0.3, outer=0.6, direction=(1.0, 0.0)) == pytest.approx(0.0, abs=1e-2 * EXACT)
 
 
 def test_uniform_stress_without_a_crack_releases_nothing():

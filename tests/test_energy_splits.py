@@ -1,5 +1,10 @@
 """The shared laws, checked on their own: stress = d psi / d strain and tangent = d stress / d strain."""
 
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -85,3 +90,51 @@ def test_plane_stress_leaves_youngs_modulus_in_uniaxial_tension():
     plane = in_plane_first_lame(lam, mu, "stress")
     stress = responses(Law.isotropic("none", plane, mu), np.ones(1), np.array([[1e-3, -poisson * 1e-3, 0.0]]))[1][0]
     assert stress == pytest.approx([young * 1e-3, 0, 0], abs=1e-12)
+
+
+TENSION = """
+from numba import njit
+from physics.point_response import PointResponse
+
+@njit(cache=True, inline="always")
+def response(g, exx, eyy, gxy, lam, mu):
+    f = g if exx + eyy > 0.0 else 1.0
+    psi = 0.5 * (lam * (exx + eyy) ** 2 + 2.0 * mu * (exx * exx + eyy * eyy + 0.5 * gxy * gxy))
+    return PointResponse(
+        psi if f == g else 0.0, 0.0 if f == g else psi,
+        f * (lam * (exx + eyy) + 2.0 * mu * exx), f * (lam * (exx + eyy) + 2.0 * mu * eyy), f * mu * gxy,
+        f * (lam + 2.0 * mu), f * lam, 0.0, f * (lam + 2.0 * mu), 0.0, f * mu,
+    )
+"""
+USED = """
+import numpy as np
+from cases import schema_text
+from cases.material import Material
+from physics.elasticity import Law, in_plane_stiffness
+from physics.energy_splits import responses
+from physics.splits import SPLIT_CODES
+
+assert '"expansion"' in schema_text()
+assert list(SPLIT_CODES.values()).count(SPLIT_CODES["expansion"]) == 1
+fracture = {"toughness": 1.0, "length_scale": 1.0, "split": "expansion"}
+material = Material(young=3.0, poisson=0.2, fracture=fracture)
+stiffness = in_plane_stiffness(material, "stress")
+g, strain = np.full(2, 0.25), 1e-3 * np.array([[2.0, -1.0, 0.5], [1.0, -2.0, 0.5]])
+for law in (Law.of(material, "stress"), Law.rooted("expansion", stiffness)):
+    energies, stress, tangent = responses(law, g, strain)
+    for share, ours, bend, e, psi in zip((0.25, 1.0), stress, tangent, strain, energies):
+        assert np.allclose(ours, share * stiffness @ e, rtol=1e-12) and np.allclose(bend, share * stiffness)
+        assert np.isclose(psi.sum(), 0.5 * e @ stiffness @ e) and psi.min() == 0.0
+unknown = law._replace(split=law.split + 1)
+assert np.isnan(responses(unknown, g, strain)[1]).all()
+"""
+
+
+def test_a_further_split_is_one_more_file(tmp_path):
+    """Cases may name it, and it has a code of its own, with or without a root; a code of no law answers no number."""
+    root = Path(__file__).parents[1]
+    for package in ("cases", "physics"):
+        shutil.copytree(root / package, tmp_path / package, ignore=shutil.ignore_patterns("library", "__pycache__"))
+    (tmp_path / "physics/splits/expansion.py").write_text(TENSION, encoding="utf-8")
+    done = subprocess.run([sys.executable, "-c", USED], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

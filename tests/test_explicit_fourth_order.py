@@ -42,12 +42,13 @@ def test_energy_and_profile_of_a_straight_crack_are_exact(tmp_path, gamma):
     distance, history = np.abs(x - 15.0), np.zeros(x.shape)
     history[distance < 1.5 * distance.min()] = 1e5 * fracture.toughness
     field.solve(history, np.full(len(x), np.inf), 0.0)
+    values = field.points
     inner, surface = np.abs(y - 10.0) < 1.0, SurfaceEnergy.of(fracture)
-    density = crack_density(field.at_points, field._slope_squared, fracture.length_scale, field._curvature_squared)
+    density = crack_density(values.value, values.slope_squared, fracture.length_scale, values.curvature_squared)
     energy = fracture.toughness * (density * body.basis.volume)[inner].sum() / 2.0
     assert energy == pytest.approx(float(surface.energy(np.pi / 2)), rel=0.003)
     exact = profile(distance[inner] / fracture.length_scale, float(surface.directional_gamma(np.pi / 2)))[0]
-    assert np.abs(field.at_points[inner] - exact).max() < 0.006
+    assert np.abs(values.value[inner] - exact).max() < 0.006
 
 
 @pytest.mark.parametrize("gamma", [GENERAL, FIBRES])
@@ -95,7 +96,7 @@ def test_a_run_goes_on_from_its_checkpoint(tmp_path):
     resumed = elements_of(tmp_path, GENERAL, moving, PULLED)
     resumed.restore(saved)
     run_to(resumed, n // 2, n)
-    np.testing.assert_allclose(resumed.displacement, whole.displacement, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(resumed.motion.displacement, whole.motion.displacement, rtol=0, atol=1e-12)
     np.testing.assert_allclose(resumed.fields().phase_field, whole.fields().phase_field, rtol=0, atol=1e-10)
     assert resumed.balance().total == pytest.approx(whole.balance().total, rel=1e-10)
 

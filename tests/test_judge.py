@@ -3,16 +3,27 @@
 import csv
 import json
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import fake_solver
 import pytest
+from synthetic_run import write_verification
 
 from cases import Case, load_case
+from numerics.quasi_static import Increment
 from verify import compare
-from verify.judging.judge import JudgeError, accept, error_of, judge_case, read_baseline
+from verify.judging.acceptance import accept
+from verify.judging.baseline import read_baseline
+from verify.judging.judge import judge_case
 from verify.judging.summary import exit_code, summarise, write_summary
+from verify.judging.targets import JudgeError
+from verify.judging.views import checks_csv, junit_xml
+from verify.metrics.metric import NothingToCompareError
+from verify.metrics.registry import find_metric
+from verify.runs import running
 from verify.runs.atomic import WriteError
 from verify.runs.run_folder import partial_folder, run_path
 from verify.runs.running import run
@@ -22,8 +33,9 @@ OUT = "out"
 
 @pytest.fixture(autouse=True)
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The MPM's stand-in is two per cent stiffer than the FEM's."""
+    """The MPM's stand-in is two per cent stiffer than the FEM's; the code is committed."""
     fake_solver.install(monkeypatch, mpm_factor=1.02)
+    monkeypatch.setattr(running, "code_version", lambda: "0.1.0+abc1234")
 
 
 def made(folder: Path, *checks: str, runs: tuple[str, ...] = ("fem", "mpm")) -> tuple[Case, Path]:
@@ -68,10 +80,37 @@ values = { peak_force = 0.5 }
 
 
 def test_a_relative_error_of_zero_target_is_never_within() -> None:
-    assert error_of(1e-12, 0.0, "relative") == math.inf
-    assert error_of(0.0, 0.0, "relative") == 0.0
-    assert error_of(-0.5, 0.25, "absolute") == 0.75
-    assert error_of(-0.5, None, "relative") == 0.5
+    force = find_metric("peak_force")
+    assert force.error(1e-12, 0.0, "relative") == math.inf
+    assert force.error(-0.5, 0.25, "absolute") == 0.75
+    assert force.error(-0.5, None, "relative") == 0.5
+    with pytest.raises(NothingToCompareError):
+        force.error(0.0, 0.0, "relative")
+
+
+@pytest.mark.parametrize(
+    ("metric", "value", "target", "error"),
+    [
+        ("crack_angle", -90.0, 90.0, 0.0),
+        ("crack_angle", -160.0, 20.5, 0.5),
+        ("crack_angle_in_layer", 179.0, 1.0, 2.0),
+        ("crack_direction", -179.0, 179.0, 2.0),
+        ("crack_direction", -90.0, 90.0, 180.0),
+        ("branching_angle", 10.0, 170.0, 160.0),
+    ],
+)
+def test_angles_of_lines_and_directions_are_compared_round_the_circle(
+    metric: str, value: float, target: float, error: float
+) -> None:
+    assert find_metric(metric).error(value, target, "absolute") == pytest.approx(error)
+
+
+def test_nothing_against_nothing_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_solver.install(monkeypatch, mpm_factor=0.0)
+    absolute = fake_solver.check("value:0.0").replace("gate", 'error_kind = "absolute"\ngate')
+    judged = judge_case(*made(tmp_path, fake_solver.check("value:0.0"), absolute))
+    assert [result.verdict for result in judged.checks] == ["MISSING", "PASS"]
+    assert "both zero" in judged.checks[0].note and judged.verdict == "MISSING"
 
 
 def test_a_check_without_gate_is_shown_and_not_gated(tmp_path: Path) -> None:
@@ -114,6 +153,39 @@ def test_accepting_keeps_the_other_tiers(tmp_path: Path) -> None:
     ]
 
 
+def of_peak(check: str, at: str) -> str:
+    """An energy balance, which has a parameter, in place of the peak force."""
+    return check.replace('"peak_force"', '"energy_balance"') + f'parameters = {{ at = "{at}" }}\n'
+
+
+def test_checks_of_one_metric_with_other_parameters_have_rows_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def working(solver: fake_solver.FakeSolver, case: Case, after: object = None) -> Iterator[Increment]:
+        for increment in fake_solver.fake_increments(solver, case):
+            yield replace(increment, external_work=1.0 + increment.u, elastic_energy=increment.u**2)
+
+    fake_solver.install(monkeypatch, working)
+    checks = [of_peak(fake_solver.check("baseline", 1e-9), at) for at in ("peak", "end")]
+    case, out = made(tmp_path, *checks)
+    accept(case, "first values", out)
+    rows = read_baseline(case)
+    assert [row.parameters for row in rows] == ['{"at": "peak"}', '{"at": "end"}']
+    assert rows[0].value != rows[1].value
+    assert judge_case(case, out).verdict == "PASS"
+
+
+def test_a_baseline_has_the_version_that_made_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline"))
+    monkeypatch.setattr(running, "code_version", lambda: "0.1.0+later-dirty")
+    accept(case, "first values", out)
+    assert read_baseline(case)[0].version == "0.1.0+abc1234"
+    run(case, "mpm", out=out, force=True)
+    with pytest.raises(JudgeError, match="made by code that is not committed"):
+        accept(case, "nobody could make this again", out)
+    assert [row.reason for row in read_baseline(case)] == ["first values"]
+
+
 @pytest.mark.parametrize("reason", ["", "  \n "])
 def test_nothing_is_accepted_without_a_reason(tmp_path: Path, reason: str) -> None:
     case, out = made(tmp_path, fake_solver.check("baseline"))
@@ -149,11 +221,11 @@ def test_a_full_disk_leaves_the_old_baseline(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize(
-    "damage", ["tier,run\nquick,mpm\n", "quick,mpm,peak_force,many,kN,r,v,d\n", "quick,mpm,peak_force,0.5\n"]
+    "damage", ["tier,run\nquick,mpm\n", "quick,mpm,peak_force,,many,kN,r,v,d\n", "quick,mpm,peak_force,,0.5\n"]
 )
 def test_a_damaged_baseline_is_one_sentence(tmp_path: Path, damage: str) -> None:
     case, out = made(tmp_path, fake_solver.check("baseline"), runs=("mpm",))
-    header = "" if damage.startswith("tier") else "tier,run,metric,value,unit,reason,version,date\n"
+    header = "" if damage.startswith("tier") else "tier,run,metric,parameters,value,unit,reason,version,date\n"
     (case.folder / "baseline.csv").write_text(header + damage)
     with pytest.raises(JudgeError, match=r"baseline\.csv"):
         judge_case(case, out)
@@ -232,6 +304,27 @@ def test_summary_and_its_views_tell_the_same(tmp_path: Path) -> None:
     assert (out / entry["curves"][0]["file"]).is_file()
     assert entry["curves"][0]["l2_percent_whole"] == pytest.approx(2.0)
     assert (out / entry["runs"]["mpm"]["folder"] / "run.json").is_file()
+
+
+def test_views_hold_nothing_that_breaks_or_runs_in_other_programs(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("fem", 0.01), fake_solver.check("value:-0.5"))
+    summary = summarise([case], "quick", out)
+    check, other = summary["cases"][0]["checks"]
+    check["reason"] = '=HYPERLINK("x")\x00\x1b[31m\x0b\ufffe'
+    other["reason"] = "@SUM(A1)"
+    (suite,) = ElementTree.fromstring(junit_xml(summary))
+    assert "HYPERLINK" in str(suite.findall("testcase/failure")[0].text)
+    rows = list(csv.DictReader(checks_csv(summary).splitlines()))
+    assert rows[0]["reason"].startswith("'=HYPERLINK") and rows[1]["reason"] == "'@SUM(A1)"
+    assert float(rows[1]["target"]) == -0.5
+
+
+def test_curves_that_cannot_be_compared_are_in_the_summary(tmp_path: Path) -> None:
+    summary = write_verification(tmp_path / OUT, cells=4)
+    assert json.loads((tmp_path / OUT / "summary.json").read_text()) == summary
+    problems = summary["cases"][0]["curve_problems"]
+    assert any(problem.startswith("mpm vs cycled2012: ") and "up to u = 0.002" in problem for problem in problems)
+    assert {curve["reference"] for curve in summary["cases"][0]["curves"]} == {"fem", "someone2010"}
 
 
 def test_the_exit_code_is_that_of_the_worst_case() -> None:

@@ -11,12 +11,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cases import Case, CaseError, load_case
-from fem_reference.mesh.arrays import MeshArrays, corner_jacobians, edge_lengths, edge_table, signed_areas
-from fem_reference.mesh.build import Mesh, MeshError, build_mesh, quality
+from cases.notches import CellsNotch, Segment
+from cases.spacing import count_cells
+from fem_reference.mesh.arrays import MeshArrays, corner_jacobians, cross, edge_lengths, edge_table, signed_areas
+from fem_reference.mesh.build import Mesh, MeshError, build_mesh
 from fem_reference.mesh.quads import rectilinear
-from fem_reference.mesh.slits import Slit, cells_cut_by, split_slit
+from fem_reference.mesh.slits import cells_cut_by, split_slits
 from fem_reference.mesh.triangles import SizedBox, SizeField
-from fem_reference.quality import scaled_jacobian
+from mpm.placement import place_points
+from numerics.description import describe
+from numerics.element_quality import scaled_jacobian
 
 FRAME = """
 title = "Mesh"
@@ -33,6 +37,13 @@ PLATE_WITH_HOLE = (
 )
 FINE_BOX = "coarse = 0.1, growth = 1.3, fine = { lower = [0.45, 0], upper = [1, 0.55] }"
 BOTH_ELEMENTS = pytest.mark.parametrize("element", ["quad", "triangle"])
+
+
+def smallest_angle(mesh: Mesh) -> float:
+    """Of all corners of all elements [degrees]."""
+    corners = mesh.arrays.points[mesh.arrays.cells]
+    ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    return float(np.degrees(np.arctan2(cross(ahead, back), (ahead * back).sum(axis=-1))).min())
 
 
 def write_case(folder: Path, bodies: str, mesh: str, notches: str = "") -> Case:
@@ -108,7 +119,7 @@ def test_a_plate_with_a_hole(tmp_path: Path) -> None:
     on_hole = (from_centre < 10.5).all(axis=1)
     assert on_hole.sum() >= 48
     assert from_centre[on_hole] == pytest.approx(10.0, abs=1e-8)
-    assert quality(mesh).smallest_angle > 20.0
+    assert smallest_angle(mesh) > 20.0
 
 
 def test_nodes_that_netgen_adds_on_a_coarse_circle_lie_on_it(tmp_path: Path) -> None:
@@ -133,7 +144,7 @@ def test_small_holes_and_slits_beside_a_coarse_circle_give_sound_triangles(
     start, end = ((np.array([36.5, 51]) + radius * towards).tolist() for radius in (10, 14))
     shape = PLATE_WITH_HOLE.replace("[{", f"[{small_hole}, {{")
     mesh = build_mesh(write_case(tmp_path, shape, "h = 5", notch("slit", start, end)))
-    assert quality(mesh).smallest_angle > 20.0
+    assert smallest_angle(mesh) > 20.0
     edges = edge_table(mesh.arrays.cells)
     points = mesh.arrays.points[np.unique(edges.ends[edges.count == 1])]
     from_centre = np.linalg.norm(points - [36.5, 51], axis=1)
@@ -146,7 +157,7 @@ def test_small_holes_and_slits_beside_a_coarse_circle_give_sound_triangles(
 def test_sizes_grow_evenly_from_a_small_hole(tmp_path: Path, gap: float) -> None:
     small_hole = f"{{ disc = {{ centre = [{46.7 + gap}, 51.0], radius = 0.2 }} }}"
     mesh = build_mesh(write_case(tmp_path, PLATE_WITH_HOLE.replace("[{", f"[{small_hole}, {{"), "h = 5"))
-    assert quality(mesh).smallest_angle > 20.0
+    assert smallest_angle(mesh) > 20.0
 
 
 def test_a_body_thinner_than_the_grid_resolves_is_refused(tmp_path: Path) -> None:
@@ -218,7 +229,7 @@ def test_the_faces_of_a_slit_are_not_connected_and_no_element_crosses_it(
 ) -> None:
     slit = notch("slit", (0, 0.5), (0.5, 0.5))
     mesh = build_mesh(write_case(tmp_path, UNIT_SQUARE, f'h = 0.05, {FINE_BOX}, element = "{element}"', slit))
-    assert not cells_cut_by(mesh.arrays, Slit("slit", (0, 0.5), (0.5, 0.5)), 1e-9).any()
+    assert not cells_cut_by(mesh.arrays, Segment(start=(0, 0.5), end=(0.5, 0.5)), 1e-9).any()
     behind_tip = mesh.arrays.points[mesh.arrays.cells, 0].max(axis=1) < 0.5
     above = mesh.arrays.centres()[behind_tip, 1] > 0.5
     component = components(mesh.arrays.cells[behind_tip])
@@ -255,7 +266,7 @@ def test_an_inclined_slit_in_triangles(tmp_path: Path) -> None:
     doubled = doubled_points(mesh)
     assert len(doubled) == 9
     assert (doubled - [0.3, 0.3]) @ [0.8, -0.6] == pytest.approx(0.0, abs=1e-9)
-    assert not cells_cut_by(mesh.arrays, Slit("slit", (0.3, 0.3), (0.6, 0.7)), 1e-6).any()
+    assert not cells_cut_by(mesh.arrays, Segment(start=(0.3, 0.3), end=(0.6, 0.7)), 1e-6).any()
 
 
 def test_a_slit_that_nearly_reaches_the_boundary_opens_it(tmp_path: Path) -> None:
@@ -263,7 +274,7 @@ def test_a_slit_that_nearly_reaches_the_boundary_opens_it(tmp_path: Path) -> Non
     slit = notch("slit", (1.16666, 0.5), (0.6, 0.5))
     mesh = build_mesh(write_case(tmp_path, shape, "h = 0.1", slit))
     assert doubled_points(mesh)[:, 0].max() == pytest.approx(1.16666, abs=1e-4)
-    assert quality(mesh).smallest_angle > 20.0
+    assert smallest_angle(mesh) > 20.0
 
 
 def test_a_slit_off_the_grid_lines_says_what_to_do(tmp_path: Path) -> None:
@@ -275,29 +286,29 @@ def test_a_slit_off_the_grid_lines_says_what_to_do(tmp_path: Path) -> None:
 def test_a_slit_that_ends_within_an_edge_is_refused() -> None:
     grid = rectilinear(np.linspace(0, 1, 11), np.linspace(0, 1, 11))
     with pytest.raises(MeshError, match="does not lie along edges"):
-        split_slit(grid, (0.0, 0.5), (0.45, 0.5))
-    assert len(split_slit(grid, (0.0, 0.5), (0.4, 0.5)).points) == len(grid.points) + 4
+        split_slits(grid, {"slit": Segment(start=(0.0, 0.5), end=(0.45, 0.5))})
+    assert len(split_slits(grid, {"slit": Segment(start=(0.0, 0.5), end=(0.4, 0.5))}).points) == len(grid.points) + 4
 
 
 def test_a_slit_on_the_boundary_opens_nothing_and_is_refused() -> None:
     grid = rectilinear(np.linspace(0, 1, 11), np.linspace(0, 1, 11))
     with pytest.raises(MeshError, match="does not lie along edges"):
-        split_slit(grid, (0.0, 0.0), (0.5, 0.0))
+        split_slits(grid, {"slit": Segment(start=(0.0, 0.0), end=(0.5, 0.0))})
 
 
 def test_a_slit_that_follows_edges_for_a_part_only_is_refused() -> None:
     points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 1], [2, 2], [1, 2]], dtype=float)
     cells = np.array([[0, 1, 2], [0, 2, 3], [2, 4, 6], [4, 5, 6]])
     mesh = MeshArrays(points, cells, np.zeros(4, dtype=np.int64))
-    assert len(split_slit(mesh, (0.0, 0.0), (1.0, 1.0)).points) == len(points) + 3
+    assert len(split_slits(mesh, {"slit": Segment(start=(0.0, 0.0), end=(1.0, 1.0))}).points) == len(points) + 3
     with pytest.raises(MeshError, match="does not lie along edges"):
-        split_slit(mesh, (0.0, 0.0), (2.0, 2.0))
+        split_slits(mesh, {"slit": Segment(start=(0.0, 0.0), end=(2.0, 2.0))})
 
 
 def test_cells_cut_by_finds_the_elements_that_a_line_crosses() -> None:
     grid = rectilinear(np.linspace(0, 1, 11), np.linspace(0, 1, 11))
-    assert cells_cut_by(grid, Slit("slit", (0.0, 0.55), (0.45, 0.55)), 1e-6).sum() == 5
-    assert cells_cut_by(grid, Slit("slit", (0.0, 0.0), (1.0, 1.0)), 1e-6).sum() == 10
+    assert cells_cut_by(grid, Segment(start=(0.0, 0.55), end=(0.45, 0.55)), 1e-6).sum() == 5
+    assert cells_cut_by(grid, Segment(start=(0.0, 0.0), end=(1.0, 1.0)), 1e-6).sum() == 10
 
 
 # ------------------------------------------------------- notches with width
@@ -311,6 +322,22 @@ def test_cells_are_left_out(tmp_path: Path, element: str) -> None:
     centres = mesh.arrays.centres()
     assert not ((centres[:, 0] < 0.5) & (np.abs(centres[:, 1] - 0.5) < 0.05)).any()
     assert len(np.unique(mesh.arrays.cells)) == len(mesh.arrays.points)
+
+
+def test_a_notch_holds_the_rectangle_about_its_segment_with_its_sides() -> None:
+    notch = CellsNotch(kind="cells", start=(1.0, 0.0), end=(1.0, 2.0), width=0.5)
+    held = [(1.0, 1.0), (1.0, 0.0), (1.25, 2.0), (0.75, 1.0)]
+    free = [(1.26, 1.0), (0.74, 1.0), (1.0, 2.01), (1.0, -0.01)]
+    assert notch.contains(np.array(held)).all() and not notch.contains(np.array(free)).any()
+
+
+def test_points_elements_and_plan_leave_out_the_same(tmp_path: Path) -> None:
+    case = write_case(tmp_path, UNIT_SQUARE, "h = 0.1", notch("cells", (0.0, 0.1), (0.45, 0.52), 0.25))
+    elements = build_mesh(case).arrays.centres()
+    assert describe(case, "fem").cells == describe(case, "mpm").cells == len(elements) < count_cells(case)
+    case = case.model_copy(update={"mpm": case.mpm.model_copy(update={"points_per_cell": 1})})
+    points = place_points(case).positions
+    assert np.sort(points @ [1.0, 100.0]) == pytest.approx(np.sort(elements @ [1.0, 100.0]))
 
 
 def test_an_inclined_notch_leaves_out_the_cells_with_centres_in_it(tmp_path: Path) -> None:
@@ -328,7 +355,7 @@ def test_an_inclined_notch_is_cut_out_of_triangles_and_leaves_no_sliver_at_its_m
     # The rectangle, and the two halves of its mouth between the square cut and the side of the body.
     assert area(mesh) == pytest.approx(1.0 - 0.5 * 0.04, abs=1e-6)
     assert components(mesh.arrays.cells).max() == 0
-    assert quality(mesh).smallest_angle > 20.0
+    assert smallest_angle(mesh) > 20.0
 
 
 def test_history_notches_leave_the_mesh_alone(tmp_path: Path) -> None:
@@ -375,7 +402,7 @@ def test_triangles_have_the_sizes_asked_for(tmp_path: Path) -> None:
     x, y = np.meshgrid(place, place)
     ideal = (4 / np.sqrt(3) / size(np.column_stack([x.ravel(), y.ravel()])) ** 2).mean()
     assert len(mesh.body) == pytest.approx(ideal, rel=0.25)
-    assert quality(mesh).smallest_angle > 20.0
+    assert smallest_angle(mesh) > 20.0
 
 
 def test_refined_boxes_have_triangles_of_their_own_size(tmp_path: Path) -> None:

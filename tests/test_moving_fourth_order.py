@@ -41,14 +41,14 @@ def test_energy_and_profile_of_a_straight_crack_are_exact(tmp_path, order, limit
     body, fracture = points.bodies[0], points.case.materials["glass"].fracture
     x, y = body.positions().T
     distance = np.abs(x - 10.0)
-    body.points.history[distance < 1.5 * distance.min()] = 1e5 * fracture.toughness
+    body.points.crack.history[distance < 1.5 * distance.min()] = 1e5 * fracture.toughness
     points.phase_fields[0].solve(0.0, everywhere=True)
     inner = np.abs(y - 6.0) < 1.0
     surface = SurfaceEnergy.of(fracture)
-    energy = body.points.crack_energy[inner] @ body.points.volume[inner] / 2.0
+    energy = body.points.crack.energy[inner] @ body.points.matter.volume[inner] / 2.0
     assert energy == pytest.approx(float(surface.energy(np.pi / 2)), rel=limit)
     exact = profile(distance[inner] / fracture.length_scale, float(surface.directional_gamma(np.pi / 2)))[0]
-    assert np.abs(body.points.c[inner] - exact).max() < 0.006
+    assert np.abs(body.points.crack.c[inner] - exact).max() < 0.006
 
 
 def test_the_first_phase_field_is_that_of_the_quasi_static_solver(tmp_path):
@@ -65,14 +65,14 @@ def test_material_axes_turn_with_the_points(tmp_path):
     """A quarter turn takes the lattice of points onto itself: nothing may change but by the solution's tolerance."""
     points = points_of(tmp_path, MOVING, FLYING)
     body, before, energy = points.bodies[0], points.fields().phase_field, points.balance().fracture
-    middle, p = body.positions().mean(axis=0), body.points
+    middle, motion, lattice = body.positions().mean(axis=0), body.points.motion, body.lattice
     x, y = (body.positions() - middle).T
-    p.x, p.y = ((turned + middle_of - origin) / body.h - corner for turned, middle_of, origin, corner in zip(
-        (-y, x), middle, body.origin, body.corner, strict=True))  # fmt: skip
+    turned = np.column_stack([-y, x]) + middle
+    motion.x[:], motion.y[:] = ((turned - lattice.origin) / lattice.h - body.window.corner).T
     body.sort()
     points.phase_fields[0].solve(0.0, everywhere=True)
     assert abs(points.balance().fracture / energy - 1.0) > 0.01, "the axes stayed behind and nobody sees it"
-    body.points.turn[:] = np.pi / 2
+    body.points.axes.turn[:] = np.pi / 2
     points.phase_fields[0].solve(0.0, everywhere=True)
     assert points.balance().fracture == pytest.approx(energy, rel=1e-4)
     np.testing.assert_allclose(points.fields().phase_field, before, atol=1e-3)
@@ -82,7 +82,7 @@ def test_the_turn_of_a_spinning_body_is_followed(tmp_path):
     spin = "    bodies.plate.velocity_gradient = [[0.0, -0.01], [0.01, 0.0]]\n"
     points = points_of(tmp_path, SHORT, spin)
     run_to(points, 0, all_steps(points))
-    turn = points.bodies[0].points.turn
+    turn = points.bodies[0].points.axes.turn
     assert np.median(turn) == pytest.approx(0.01 * 4.0, rel=0.02)
 
 

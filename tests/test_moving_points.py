@@ -7,12 +7,13 @@ import pytest
 from cases import Case, CaseError, case_from_tables
 from mpm import ExplicitMaterialPoints
 from mpm.explicit import moving_body
+from mpm.explicit.cell_splines import spline_values
 from mpm.explicit.contact import COUNTERS
-from mpm.explicit.kernels import spline_values, turned_strain
 from mpm.explicit.moving_body import MovingBody
+from mpm.explicit.step_bound import LARGEST_GRADIENT, largest_eigenvalue, proven_step, stable_step
+from mpm.explicit.stresses import turned_strain
 from numerics.explicit import instants
 from numerics.threads import use_threads
-from numerics.time_steps import LARGEST_GRADIENT, largest_eigenvalue, proven_step, stable_step
 from verify import run
 
 STEEL = {"young": 1.0, "poisson": 0.3, "density": 1.0}
@@ -59,19 +60,20 @@ def test_the_sharpest_gradient_is_the_bound(order):
 
 def eigenvalue_of_cloud(body: MovingBody) -> float:
     """Largest eigenvalue of M⁻¹ K of a body's points, K by forces of unit displacements."""
-    points, grid = body.points, body.grid
+    motion, sums, velocities = body.points.motion, body.window.sums, body.window.velocities
     body.map_to_grid()
-    used = np.flatnonzero(grid.m)
-    mass, columns = np.repeat(grid.m[used], 2), []
+    used = np.flatnonzero(sums.m)
+    mass, columns = np.repeat(sums.m[used], 2), []
     for node in used:
-        for velocity in (grid.vx, grid.vy):
-            points.exx[:], points.eyy[:], points.gxy[:] = 0.0, 0.0, 0.0
-            points.moved_x[:], points.moved_y[:] = 0.0, 0.0
-            grid.vx[:], grid.vy[:] = 0.0, 0.0
+        for velocity in (velocities.vx, velocities.vy):
+            for strain in body.points.elastic[:3]:
+                strain[:] = 0.0
+            motion.moved_x[:], motion.moved_y[:] = 0.0, 0.0
+            velocities.vx[:], velocities.vy[:] = 0.0, 0.0
             velocity[node] = 1.0
             body.update_stresses(1.0)
             body.map_to_grid()
-            columns.append(-np.column_stack([grid.fx[used], grid.fy[used]]).ravel())
+            columns.append(-np.column_stack([sums.fx[used], sums.fy[used]]).ravel())
     root = 1.0 / np.sqrt(mass)
     stiffness = np.array(columns).T
     return float(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T) * np.outer(root, root)).max())
@@ -239,7 +241,7 @@ def test_a_rigid_body_sets_no_time_step():
 def test_bodies_far_apart_fill_no_more_cells():
     case = case_of({"a": square(0.0), "b": square(2e4)})
     solver = ExplicitMaterialPoints(case)
-    solver.bodies[1].corner = solver.bodies[1].corner + 2_000_000_000
+    solver.bodies[1].window.corner = solver.bodies[1].window.corner + 2_000_000_000
     fields = solver.fields()
     assert len(fields.grid_cells) == 2 * 16
     assert fields.grid_points[:64].max() == 1.0 and fields.grid_points[64:].min() >= 5e8
@@ -267,11 +269,11 @@ def spread_of_speed(flip: float) -> float:
     case = case_of({"a": square(0.0)}, 0.5, dynamics={"flip": flip})
     solver = ExplicitMaterialPoints(case)
     points = solver.bodies[0].points
-    points.vx += 1e-3 * np.random.default_rng(0).standard_normal(len(points.vx))
-    start = points.mass @ points.vx
+    points.motion.vx[:] += 1e-3 * np.random.default_rng(0).standard_normal(len(points.number))
+    start = points.matter.mass @ points.motion.vx
     last = list(instants(solver, case))[-1]
     assert last.balance.momentum[0] == pytest.approx(start, rel=1e-12)
-    return float(solver.bodies[0].points.vx.std())
+    return float(solver.bodies[0].points.motion.vx.std())
 
 
 def test_flip_keeps_what_pic_smooths():
@@ -367,5 +369,42 @@ def test_a_held_edge_moves_as_prescribed():
     case = case_of({"a": square(0.0)}, 100.0, constraints=constraints)
     solver = ExplicitMaterialPoints(case)
     last = list(instants(solver, case))[-1]
-    assert np.median(solver.bodies[0].points.exx) == pytest.approx(-0.01, rel=0.03)
+    assert np.median(solver.bodies[0].points.elastic.exx) == pytest.approx(-0.01, rel=0.03)
     assert last.balance.external_work == pytest.approx(last.balance.total, rel=0.03)
+
+
+def test_a_body_that_leaves_its_held_line_ends_the_run_in_a_sentence(tmp_path):
+    """Held across its flight only: what the case asks for can no longer be kept, and nobody lets go of it in silence."""
+    constraints = [{"on": "left", "direction": "y", "value": 0.0}]
+    case = case_of({"a": square(0.0, velocity=[0.2, 0.0])}, 10.0, constraints=constraints)
+    done = run(case, "mpm", "standard", tmp_path)
+    assert done.info["status"] == "blew_up" and not (done.folder / "traceback.txt").exists()
+    assert "none of body 'a' is left on the line of constraints[0].on = 'left'" in done.info["reason"]
+    assert 0.5 < done.history["time"].iloc[-1] * 0.2 / case.mesh.h < 3.0
+
+
+def test_an_edge_of_several_holds_the_bodies_that_it_meets_alone():
+    """One square between each of two floors that are held lines; neither may be looked for at the other's."""
+    high = {"material": "soft", "shape": {"rectangle": {"lower": [0.0, 4.0], "upper": [1.0, 5.0]}}}
+    boundaries = {"sides": {"edges": ["bottom", "top"]}}
+    constraints = [{"on": "sides", "direction": "y", "value": 0.0}]
+    gravity = {"gravity": [0.0, -0.01]}
+    bodies = {"a": square(0.0), "b": high}
+    case = case_of(bodies, 2.0, boundaries=boundaries, constraints=constraints, dynamics=gravity)
+    solver = ExplicitMaterialPoints(case)
+    assert list(instants(solver, case))[-1].status == "complete"
+    low, top = (body.positions()[:, 1] for body in solver.bodies)
+    assert low.min() > 0.0 and top.max() < 5.0
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [([[2.0, 0.0], [2.0, 1.0]], "no body reaches it"), ([[5.0, 0.0], [5.0, 1.0]], "rigid bodies alone")],
+)
+def test_a_constraint_that_holds_nothing_is_refused(place, said):
+    boundaries = {"line": {"box": {"lower": place[0], "upper": place[1]}}}
+    constraints = [{"on": "line", "direction": "x", "value": 0.0}]
+    bodies = {"a": square(0.0), "wall": square(5.0, rigid=True)}
+    case = case_of(bodies, boundaries=boundaries, constraints=constraints)
+    with pytest.raises(CaseError, match=rf"constraints\[0\].on = 'line': .*{said}"):
+        ExplicitMaterialPoints(case)

@@ -1,5 +1,7 @@
 """Sparse patterns, linear solvers and Newton's method."""
 
+import gc
+import sys
 import time
 from types import SimpleNamespace
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from mpm.quasi_static.phase_field import keep_barely_seen
+from numerics import linear_solvers
 from numerics.acceleration import Acceleration
 from numerics.costs import Costs
 from numerics.linear_solvers import linear_solver
@@ -77,6 +80,21 @@ def test_direct_solver_takes_a_matrix_that_is_not_positive_definite(system):
     for name in ("direct", "superlu"):
         solution = linear_solver(pattern, Costs(), name).solve(values, right_side)
         assert np.allclose(matrix @ solution, right_side, atol=1e-9)
+
+
+def test_a_solver_that_an_interrupt_left_unmade_goes_without_noise(monkeypatch):
+    pytest.importorskip("pypardiso")
+    noise = []
+    monkeypatch.setattr(sys, "unraisablehook", noise.append)
+
+    def interrupted(mtype):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(linear_solvers, "PyPardisoSolver", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        linear_solvers.Pardiso(None, Costs())
+    gc.collect()
+    assert not noise
 
 
 def test_gather_vector_drops_what_is_eliminated():

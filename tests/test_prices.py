@@ -14,6 +14,7 @@ import pytest
 from cases import list_cases, load_case
 from reports.tables import price_rows
 from verify import cli
+from verify.judging.targets import JudgeError
 from verify.planning import calibration
 from verify.planning.plan import plan
 from verify.planning.recorded_prices import (
@@ -25,8 +26,8 @@ from verify.planning.recorded_prices import (
     read_prices,
 )
 from verify.planning.savings import all_off, savings
-from verify.planning.sizes import size_of
 from verify.runs import running
+from verify.studies import prices
 from verify.studies.prices import price
 from verify.studies.study import Options, StudyError
 
@@ -57,6 +58,8 @@ reason = "prices its savings"
 def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A graded case; on the graded grid the stand-in is 2 % too stiff."""
     fake_solver.install(monkeypatch)
+    for module in (running, prices):
+        monkeypatch.setattr(module, "code_version", lambda: "0.1.0+abc1234")
 
     def solver(case):
         whole = case.mesh.fine.lower == (0.0, 0.0)
@@ -105,6 +108,20 @@ def test_a_comparison_of_two_runs_is_priced_against_the_run_without_the_saving(c
     assert row["changes"].startswith("Peak force 2 %; ") and row["unknowns"] == "1"
 
 
+def test_prices_have_the_version_that_made_their_runs(
+    priced: pd.DataFrame, case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (running, prices):
+        monkeypatch.setattr(module, "code_version", lambda: "0.1.0+later-dirty")
+    case = load_case(case_file, "quick")
+    price(case, Options(tmp_path / "out"), ["fem"], record=True)
+    assert set(read_prices(case)["version"]) == {"0.1.0+abc1234"}, "they were made before"
+    with pytest.raises(JudgeError, match="code that is not committed"):
+        price(load_case(case_file, "standard"), Options(tmp_path / "out"), ["fem"], record=True)
+    assert set(read_prices(case)["tier"]) == {"quick"}
+    assert not (tmp_path / "out" / "runs" / "square" / "standard").exists(), "it says so before anything is run"
+
+
 def test_a_saving_that_no_run_has_is_told(case_file: Path, tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"none of the savings magic .*; its runs have: graded grid"):
         price(load_case(case_file, "quick"), Options(tmp_path / "out"), ["fem"], only=["magic"])
@@ -128,9 +145,9 @@ def test_recorded_prices_stay_for_other_tiers_and_runs(priced: pd.DataFrame, cas
 def test_a_price_of_another_state_of_the_case_is_no_price(priced: pd.DataFrame, case_file: Path) -> None:
     case_file.write_text(case_file.read_text().replace("[0.75, 0.75]", "[0.8, 0.8]"))
     case = load_case(case_file, "quick", "fem")
-    planned = plan(case, "fem", 0.01)
-    assert not planned.change and "graded grid" in planned.unpriced and "verify price square" in planned.unpriced
-    assert plan(case, "fem").unpriced == ""
+    choice = plan(case, "fem", 0.01).choice
+    assert not choice.change and "graded grid" in choice.unpriced and "verify price square" in choice.unpriced
+    assert plan(case, "fem").choice.unpriced == ""
     assert price_rows(SimpleNamespace(case=case, tier="quick")) == []
 
 
@@ -141,9 +158,9 @@ def test_the_plan_switches_off_what_costs_too_much(
     planned = plan(load_case(case_file, "quick", "fem"), "fem", accuracy)
     saving = next(saving for saving in planned.savings if saving.name == "graded grid")
     assert saving.used == used and ("2 %" in saving.reason)
-    assert bool(planned.change) != used
-    uniform = plan(load_case(case_file, "quick", "fem", planned.change), "fem")
-    assert planned.cells == uniform.cells
+    assert bool(planned.choice.change) != used
+    uniform = plan(load_case(case_file, "quick", "fem", planned.choice.change), "fem")
+    assert planned.described.cells == uniform.described.cells
 
 
 def test_the_dearest_saving_goes_where_all_together_cost_too_much(case_file: Path) -> None:
@@ -191,8 +208,8 @@ def synthetic_runs() -> pd.DataFrame:
     truth: calibration.Constants = {
         "iterations": {"split": 12.0, "cyclic": 30.0, "fracture": 9.0, "elastic": 1.5, "passes": 2.0, "at_rest": 1.0,
                        "uniform": 0.1},
-        "fem": {"per_run": 0.3, "per_iteration": 2e-3, "per_unknown": 2e-6, "per_factor": 3e-9},
-        "mpm": {"per_run": 0.2, "per_iteration": 3e-3, "per_unknown": 3e-6, "per_factor": 4e-9},
+        "fem": {"per_run": 0.3, "per_iteration": 2e-3, "per_point": 1e-7, "per_unknown": 2e-6, "per_factor": 3e-9},
+        "mpm": {"per_run": 0.2, "per_iteration": 3e-3, "per_point": 2e-7, "per_unknown": 3e-6, "per_factor": 4e-9},
         "explicit": {
             "per_run": 0.3, "per_step": 1e-3, "per_solve": 2e-3,
             "explicit_elastic": 1e-7, "explicit_fracture": 2e-7, "explicit_smooth": 7e-7,
@@ -237,7 +254,7 @@ def test_every_case_of_the_library_has_a_finite_cost(name: str) -> None:
     base = load_case(name, "quick")
     for run in base.expanded_runs():
         case = load_case(name, "quick", run)
-        cost = calibration.cost_of(case, size_of(case, run))
+        cost = plan(case, run).cost
         assert 0.0 < cost.seconds < 1e4 and 100.0 < cost.memory_mb < 1e5 and cost.iterations > 0.0
 
 
@@ -249,7 +266,7 @@ def test_the_plan_says_that_a_box_which_follows_the_crack_grows(case_file: Path)
 
 def test_the_plan_of_a_moving_case_names_what_it_is_spared() -> None:
     planned = plan(load_case("rolling_cylinder", "quick", "mu030"), "mu030")
-    assert "plate: rigid" in planned.bodies
+    assert "plate: rigid" in dict(planned.rows())["bodies"]
     on = {saving.name: saving.reason for saving in planned.savings if saving.used}
     assert "plate" in on["rigid bodies"] and "plate" in on["no phase field where nothing breaks"]
     assert not any("increment" in saving.name for saving in planned.savings), "its steps in time are constant"

@@ -6,10 +6,13 @@ import hashlib
 import html
 import json
 import re
+import shlex
 import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
@@ -17,11 +20,13 @@ import pytest
 from synthetic_run import TITLE, write_verification
 
 from cases import load_case
-from reports import motion, orientations, style, surface, sweeps, write_report
+from reports import curves, motion, orientations, scene, style, surface, sweeps, write_report
 from reports.fields import point_image
-from reports.report import SECTIONS
-from reports.results import CaseResults
-from reports.words import number, percent, verdict_sentence
+from reports.report import SECTIONS, readme_html
+from reports.results import CaseResults, method_of
+from reports.tables import check_groups
+from reports.words import key_number, number, percent, verdict_sentence
+from verify.judging.summary import reproduce_command
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +71,7 @@ def test_every_link_and_figure_exists_and_nothing_comes_from_elsewhere(
         assert links
         for link in links:
             assert "//" not in link
-            assert (page.parent / html.unescape(link)).exists(), link
+            assert (page.parent / unquote(html.unescape(link))).exists(), link
 
 
 def test_all_sections_are_drawn(report: tuple[Path, dict[str, Any]]) -> None:
@@ -97,7 +102,8 @@ def test_numbers_on_the_page_are_those_of_the_summary(report: tuple[Path, dict[s
             assert shown in page
     for curve in summary["cases"][0]["curves"]:
         assert f"{number(curve['l2_percent_after_peak'], 3)} %" in page
-    assert "Hausdorff distance 0.004 mm, mean distance 0.0025 mm" in page
+    (paths,) = summary["cases"][0]["crack_paths"]
+    assert f"Hausdorff distance {number(paths['hausdorff'], 3)} mm, mean distance {number(paths['mean'], 3)} mm" in page
     assert "takes 1.13 times as long" in page
 
 
@@ -172,7 +178,7 @@ def test_points_are_painted_where_they_are() -> None:
 def test_the_verdict_sentence_names_the_tightest_check() -> None:
     loose = {"metric": "peak_force", "run": "mpm", "against": "fem", "target": 0.7, "error": 1e-3,
              "limit": 1e-2, "margin_used": 0.1, "verdict": "PASS", "gate": True,
-             "measure": "relative"}  # fmt: skip
+             "error_kind": "relative"}  # fmt: skip
     tight = loose | {"metric": "initial_stiffness", "error": 9e-3, "margin_used": 0.9}
     shown_only = loose | {"metric": "fracture_energy", "margin_used": 7.0, "gate": False}
     sentence = verdict_sentence({"checks": [loose, tight, shown_only]})
@@ -201,7 +207,7 @@ def test_momentum_of_two_bodies_is_drawn(tmp_path: Path) -> None:
     signs = dict(zip(case.bodies, (1, -1), strict=True))
     columns = {f"{name}_momentum_{axis}": sign * time for name, sign in signs.items() for axis in "xy"}
     history = pd.DataFrame({"time": time, **columns, "momentum_x": 0.0 * time, "momentum_y": 0.0 * time})
-    run = SimpleNamespace(name="mpm", solver="mpm", history=history)
+    run = SimpleNamespace(name="mpm", label="PF-MPM", method=method_of("mpm"), history=history)
     results: Any = SimpleNamespace(case=case, main_runs=lambda: [run], unit=lambda quantity: quantity)
     drawing = motion.momentum(results, tmp_path)
     assert drawing is not None and (tmp_path / drawing.file).stat().st_size > 0
@@ -229,7 +235,7 @@ def test_critical_loads_are_drawn_over_orientation_with_their_asymmetry(tmp_path
     loads = {-40: 101.0, 0: 90.0, 40: 100.0, 50: 110.0}
     runs = [
         SimpleNamespace(
-            name=f"fem_cubic[orientation={angle}]", solver="fem",
+            name=f"fem_cubic[orientation={angle}]", method=method_of("fem"),
             history=pd.DataFrame({"u": [0.0, 1.0, 2.0], "F": [0.0, load, 10.0]}),
         )
         for angle, load in loads.items()
@@ -246,7 +252,7 @@ def test_critical_loads_are_drawn_over_orientation_with_their_asymmetry(tmp_path
 def test_a_family_that_goes_on_under_another_name_is_one_line(tmp_path: Path) -> None:
     """At paper the material points' negative orientations are a family of their own."""
     runs = [
-        SimpleNamespace(name=name, solver="mpm", history=pd.DataFrame({"u": [0.0, 1.0], "F": [0.0, load]}))
+        SimpleNamespace(name=name, method=method_of("mpm"), history=pd.DataFrame({"u": [0.0, 1.0], "F": [0.0, load]}))
         for name, load in {
             "mpm_cubic[orientation=40]": 100.0, "mpm_cubic_upper[orientation=-40]": 102.0,
             "mpm_orthotropic[orientation=40]": 110.0,
@@ -266,3 +272,181 @@ def test_surface_energies_belong_to_cases_of_fourth_order(tmp_path: Path) -> Non
     assert [drawing.name for drawing in drawings] == ["surface-energy", "surface-stiffness", "surface-profiles"]
     assert "0.7071 at 0° to 1.157 kN/m at 45°" in drawings[0].caption
     assert surface.surface_energy(SimpleNamespace(case=load_case("sen_tension", "quick")), tmp_path) == []
+
+
+# ---------------------------------------------------------------- what must not vanish
+
+
+@pytest.fixture
+def copied(report: tuple[Path, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the verification's folder, of whose page the first sections alone are drawn."""
+    monkeypatch.setattr("reports.report.SECTIONS", SECTIONS[:3])
+    out = tmp_path / "copy"
+    shutil.copytree(report[0], out)
+    return out
+
+
+def change_entry(out: Path, **changes: Any) -> None:
+    """Change keys of the one case of a summary."""
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    summary["cases"][0] |= changes
+    (out / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+
+
+def test_curves_that_cannot_be_compared_are_named_with_the_reason(copied: Path) -> None:
+    change_entry(copied, curves=[], curve_problems=["fem vs x: covers only 57.0% of the loaded range of reference x"])
+    write_report(copied)
+    page = text_of(pages(copied)[1])
+    assert "Curves not compared: fem vs x: covers only 57.0% of the loaded range of reference x" in page
+    assert not list((copied / "figures").rglob("relative-error-*.svg"))
+
+
+def test_a_solver_that_nobody_registered_is_shown_under_its_name(copied: Path) -> None:
+    file = copied / "runs" / "notched" / "standard" / "mpm" / "run.json"
+    file.write_text(file.read_text(encoding="utf-8").replace('"solver": "mpm"', '"solver": "imported"'), encoding="utf-8")
+    write_report(copied)
+    page = text_of(pages(copied)[1])
+    assert "mpm (imported)" in page and "could not be drawn" not in page
+
+
+def test_a_relative_error_is_not_drawn_where_the_reference_carries_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    force = np.array([0.0, 0.5, 1.0, 0.5, 0.01, 0.001])
+    table = pd.DataFrame({"u": np.arange(6.0), "F_reference": force, "F": 1.0})
+    table["relative_error_percent"] = 100.0 * (1.0 - force) / np.maximum(force, 1e-3)
+    table.to_csv(tmp_path / "curve.csv", index=False)
+    norms = {"l2_percent_before_peak": 1.25, "l2_percent_after_peak": 48430.0}
+    entry = {"curves": [{"run": "fem", "reference": "x", "file": "curve.csv", **norms}]}
+    results: Any = SimpleNamespace(out=tmp_path, entry=entry, runs={}, unit=str, shown_runs=list)
+    drawn = figures_of(monkeypatch)
+    (drawing,) = curves.relative_errors(results, tmp_path)
+    error = drawn[0].axes[0].lines[0].get_ydata()
+    assert np.isnan(error[[0, 4, 5]]).all() and np.isfinite(error[1:4]).all()
+    assert "1.25 % up to the peak, above 100 % after it" in drawing.caption
+    assert "Not drawn where x carries less than 5 % of its peak" in drawing.caption
+
+
+def figures_of(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The figures that are written from now on."""
+    written: list[Any] = []
+    save = style.save
+    monkeypatch.setattr(style, "save", lambda figure, *where: written.append(figure) or save(figure, *where))
+    return written
+
+
+MOVING = """
+title = "A block that is pulled"
+requirement = "What acts is drawn."
+units = { length = "mm", force = "kN", time = "ms" }
+plane = { assumption = "strain" }
+materials.steel = { young = 210.0, poisson = 0.3, density = 7.8e-6 }
+bodies.block = { material = "steel", velocity = [3.0, 0.0], shape = { rectangle = { lower = [0, 0], upper = [1, 1] } } }
+constraints = [{ on = "bottom", direction = "y", velocity = -0.5 }]
+tractions = [{ on = "top", value = [0.0, 2.0], ramp = 0.1 }]
+dynamics = { end_time = 1.0, gravity = [0.0, -9.81e-3] }
+mesh = { h = 0.1 }
+runs.mpm = { solver = "mpm" }
+"""
+
+
+def test_all_that_acts_is_drawn_and_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "case.toml").write_text(MOVING, encoding="utf-8")
+    case = load_case(tmp_path / "case.toml")
+    rows = {(row["name"], row["conditions"]) for row in scene.boundary_rows(case)}
+    assert rows == {
+        ("bottom", "v_y = -0.5 mm/ms"), ("top", "traction (0, 2) kN/mm² over 0.1 ms"),
+        ("gravity", "(0, -0.00981) mm/ms²"), ("block", "velocity (3, 0) mm/ms"),
+    }  # fmt: skip
+    drawn = figures_of(monkeypatch)
+    results = CaseResults({"case": "block", "source": str(case.source)}, tmp_path)
+    assert scene.scene(results, tmp_path) is not None
+    texts = drawn[0].axes[0].texts
+    said = " ".join(text.get_text() for text in texts)
+    assert "traction (0, 2)" in said and "$v_y$ = -0.5 mm/ms" in said and "gravity" in said and "velocity (3, 0)" in said
+    arrows = [text for text in texts if getattr(text, "arrow_patch", None) and not text.get_text()]
+    along = {tuple(np.sign(np.round(np.subtract(arrow.xy, arrow.xyann), 9))) for arrow in arrows}
+    assert along >= {(0.0, 1.0), (0.0, -1.0), (1.0, 0.0)}
+
+
+def test_pictures_from_elsewhere_are_links(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(MOVING, encoding="utf-8")
+    page = "![a photo](https://example.org/a.png) ![b](//example.org/b.png) ![c](c.png)"
+    (tmp_path / "README.md").write_text(page, encoding="utf-8")
+    shown = readme_html(CaseResults({"case": "block", "source": str(tmp_path / "case.toml")}, tmp_path))
+    assert "<img" not in shown and 'src="' not in shown
+    assert '<a href="https://example.org/a.png">a photo</a> <a href="//example.org/b.png">b</a> c' in shown
+
+
+def test_commands_can_be_pasted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "my cases" / "block; x" / "case.toml"
+    file.parent.mkdir(parents=True)
+    file.write_text(MOVING, encoding="utf-8")
+    case = load_case(file)
+    assert shlex.split(reproduce_command(case))[:3] == ["verify", "run", str(file)]
+    monkeypatch.chdir(tmp_path)
+    assert shlex.split(reproduce_command(case))[2] == "my cases/block; x/case.toml"
+
+
+def test_checks_of_one_metric_stand_together_and_share_their_reason(tmp_path: Path) -> None:
+    entry = {"case": "sen_tension", "checks": many_checks()}
+    groups = check_groups(CaseResults(entry, tmp_path))
+    assert [group["metric"] for group in groups] == ["Peak force", "Crack angle", "Energy balance", "Crack length"]
+    assert [[len(rows) for rows in group["parts"].values()] for group in groups] == [[4]] * 4
+    assert key_number(many_checks()) == (
+        "Peak force of mpm_orthotropic[orientation=10] 220.2 kN against 220.9 kN (fem_orthotropic[orientation=10])"
+    )
+
+
+# ---------------------------------------------------------------- in a browser
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
+         "--disable-background-networking", "--disable-component-update", "--dump-dom")  # fmt: skip
+MEASURE = """<script>addEventListener("load", function () {
+  var pictures = Array.from(document.querySelectorAll(".first img"), (i) => i.getBoundingClientRect());
+  var checks = document.querySelector("table.wide").parentElement, root = document.documentElement;
+  document.body.dataset.layout = JSON.stringify({
+    window: innerWidth, hidden: root.scrollWidth - root.clientWidth, table: checks.scrollWidth - checks.clientWidth,
+    verdict: document.querySelector(".chip").getBoundingClientRect().bottom,
+    pictures: pictures.map((p) => [p.width, p.bottom]), checks: checks.getBoundingClientRect().height,
+  });
+});</script>"""
+
+
+def many_checks() -> list[dict[str, Any]]:
+    """Sixteen checks of four metrics, of runs with long names."""
+    common = {"value": 220.2, "target": 220.9, "unit": "kN", "error": 0.00356, "limit": 0.01, "margin_used": 0.356,
+              "verdict": "PASS", "gate": True, "reason": "asked: 1 %, " + 20 * "for a reason ", "source": "a book",
+              "parameters": {}}  # fmt: skip
+    return [
+        common | {"metric": metric, "run": f"mpm_orthotropic[orientation={angle}]",
+                  "against": f"fem_orthotropic[orientation={angle}]"}
+        for metric in ("peak_force", "crack_angle", "energy_balance", "crack_length") for angle in (10, 20, 30, 40)
+    ]  # fmt: skip
+
+
+def layout(page: Path, width: int, profile: Path) -> dict[str, Any]:
+    """What a browser makes of a page in a window so wide."""
+    probe = page.with_name(f"probe-{page.name}")
+    probe.write_text(page.read_text(encoding="utf-8").replace("</body>", f"{MEASURE}</body>"), encoding="utf-8")
+    asked = [str(BROWSER), *FLAGS, f"--user-data-dir={profile}", f"--window-size={width},900", probe.as_uri()]
+    shown = subprocess.run(asked, capture_output=True, text=True, timeout=120, check=True).stdout
+    return json.loads(html.unescape(re.findall(r'data-layout="([^"]*)"', shown)[0]))
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on PATH: the layout of the pages is not measured")
+def test_pages_fit_their_window_and_the_verdict_stands_on_the_first_screen(copied: Path, tmp_path: Path) -> None:
+    change_entry(copied, checks=many_checks())
+    write_report(copied)
+    overview, page = pages(copied)
+    for width in (800, 1300, 1900):
+        for each in (overview, page):
+            found = layout(each, width, tmp_path / "profile")
+            assert (found["window"], found["hidden"]) == (width, 0), "no column of the page is hidden"
+            assert found["table"] == 0, "no column of the table is hidden"
+        assert found["checks"] < 900 or width == 800, "sixteen checks fill one screen"
+        if width >= 1300:
+            assert found["verdict"] < 300
+            assert len(found["pictures"]) == 2, "main curve and scene"
+            assert all(wide > 300 and bottom < 900 for wide, bottom in found["pictures"])

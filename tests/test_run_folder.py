@@ -3,24 +3,32 @@
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import fake_solver
 import numpy as np
+import psutil
 import pytest
+from fake_solver import Seen
 
 from cases import load_case
 from reports.words import runs_sentence
 from verify.judging.judge import find_run
 from verify.runs import jobs, running
 from verify.runs.atomic import WriteError, superseded, write_text
-from verify.runs.run_folder import RunFolder, RunFolderError, RunWriter, partial_folder, run_path
+from verify.runs.provenance import ROOT, SOLVING_MODULES
+from verify.runs.run_folder import RunFolder, RunFolderError, partial_folder, run_path
+from verify.runs.run_writer import RunWriter
 from verify.runs.running import InterruptedRunError, run
+from verify.runs.vtk_files import grid_mesh, points_mesh, write_mesh
 
 
 @pytest.fixture
@@ -30,8 +38,9 @@ def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) -> None:
-    seen = []
-    done = run(case_file, "mpm", "quick", tmp_path, seen.append)
+    listener = Seen()
+    done = run(case_file, "mpm", "quick", tmp_path, [listener])
+    seen = listener.records
     assert done.folder == run_path(tmp_path, "square", "quick", "mpm")
     assert done.info["status"] == "complete"
     assert len(seen) == len(done.history) == done.info["increments"] == 11
@@ -100,13 +109,13 @@ def test_a_solver_that_raises_leaves_a_failed_run_with_its_reason(
 
 
 def test_an_unchanged_run_is_not_computed_again(case_file: Path, tmp_path: Path) -> None:
-    calls: list[object] = []
+    seen = Seen()
     for force, expected in ((False, 11), (False, 11), (True, 22)):
-        run(case_file, "fem", "quick", tmp_path, calls.append, force=force)
-        assert len(calls) == expected
+        run(case_file, "fem", "quick", tmp_path, [seen], force=force)
+        assert len(seen.records) == expected
     case_file.write_text(case_file.read_text().replace("young = 210.0", "young = 211.0"))
-    run(case_file, "fem", "quick", tmp_path, calls.append)
-    assert len(calls) == 33
+    run(case_file, "fem", "quick", tmp_path, [seen])
+    assert len(seen.records) == 33
 
 
 def test_an_interrupted_run_says_where_it_stopped_and_spares_the_older_one(
@@ -128,10 +137,7 @@ import os, sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 import fake_solver
-from cases import load_case
-from reports.words import runs_sentence
-from verify.runs import running
-from verify.runs import run_folder
+from verify.runs import run_writer, running
 running.DISCRETISATIONS["fem"] = fake_solver.FakeSolver
 def increments(solver, case):
     for increment in fake_solver.fake_increments(solver, case):
@@ -140,7 +146,7 @@ def increments(solver, case):
             os._exit(9)
 running.solver_records = increments
 if {last_moment}:
-    run_folder.replace_folder = lambda new, folder: os._exit(9)
+    run_writer.replace_folder = lambda new, folder: os._exit(9)
 running.run(Path({case!r}), "fem", "quick", Path({out!r}), force=True)
 """
 
@@ -158,7 +164,7 @@ def test_a_killed_run_is_never_taken_for_a_whole_one(case_file: Path, tmp_path: 
         _start_and_kill(case_file, tmp_path / "renaming", step=99, last_moment=True),
     ]
     for process in killed:
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=300)
         assert process.returncode == 9, errors.decode()
     assert partial_folder(old.folder).is_dir()
     assert len(RunFolder(old.folder).history) == 11
@@ -247,26 +253,123 @@ def _without_last_line(path: Path) -> None:
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
 
 
+def _reversed(path: Path) -> None:
+    head, *rows = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([head, *reversed(rows)]))
+
+
+def _with_text(path: Path) -> None:
+    path.write_text(path.read_text().replace("0.", "none", 1))
+
+
+def _of_the_other_run(path: Path) -> None:
+    path.write_bytes(Path(str(path).replace("/fem/", "/mpm/")).read_bytes())
+
+
+POINTS, GRID = "fields/points_0000.vtu", "fields/grid_0000.vtu"
+
+
 @pytest.mark.parametrize(
     ("file", "damage", "read"),
     [
         ("run.json", Path.unlink, "info"),
         ("run.json", _cut, "info"),
-        ("history.csv", Path.unlink, "history"),
-        ("history.csv", _without_last_line, "history"),
+        *[("history.csv", damage, "history") for damage in (Path.unlink, _without_last_line, _reversed, _with_text)],
+        ("history.csv", _of_the_other_run, "history"),
         ("checkpoint.npz", _cut, "checkpoint"),
-        ("crack_path.csv", Path.unlink, "crack_path"),
-        ("fields/index.csv", Path.unlink, "index"),
+        *[("crack_path.csv", damage, "crack_path") for damage in (Path.unlink, _reversed, _with_text)],
+        *[("fields/index.csv", damage, "index") for damage in (Path.unlink, _without_last_line, _with_text)],
+        *[(POINTS, damage, "points") for damage in (Path.unlink, _cut, _of_the_other_run)],
+        *[(GRID, damage, "grid") for damage in (Path.unlink, _cut, _of_the_other_run)],
     ],
 )
 def test_a_damaged_folder_is_refused_in_one_sentence(
-    case_file: Path, tmp_path: Path, file: str, damage: object, read: str
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, damage: object, read: str
 ) -> None:
+    monkeypatch.setattr("verify.metrics.crack_path.crack_path", lambda *_: np.array([[0.0, 0.5], [0.3, 0.6]]))
     folder = run(case_file, "fem", "quick", tmp_path).folder
+    fake_solver.install(monkeypatch, mpm_factor=2.0)
+    monkeypatch.setattr(fake_solver.FakeSolver, "fields", _other_fields(fake_solver.FakeSolver.fields))
+    run(case_file, "mpm", "quick", tmp_path)
     damage(folder / file)  # type: ignore[operator]
     with pytest.raises(RunFolderError, match=Path(file).name) as caught:
-        getattr(RunFolder(folder), read)
+        found = getattr(RunFolder(folder), read)
+        found(0.004) if callable(found) else None
+    assert "\n" not in str(caught.value) and "verify run --force" in str(caught.value)
+
+
+def _other_fields(fields: Callable) -> Callable:
+    return lambda solver: replace(fields(solver), phase_field=np.full(4, 0.25), grid_phase_field=np.full(4, 0.25))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("case", None), ("solver", 3), ("status", ["complete"]), ("reason", {}), ("increments", "11"), ("measures", []),
+        ("counters", {"cells": "many"}), ("seconds", {"total": "long"}), ("change", "none"), ("checksums", None),
+        ("checksums", {"history.csv": 1}), ("memory_mb", "little"), ("resumed_after_step", 0.5), ("case_source", 1),
+    ],
+)  # fmt: skip
+def test_a_mistyped_entry_of_run_json_is_damage(case_file: Path, tmp_path: Path, key: str, value: object) -> None:
+    folder = run(case_file, "fem", "quick", tmp_path).folder
+    info = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(info | {key: value}))
+    with pytest.raises(RunFolderError, match=rf"run.json: is damaged at '{key}") as caught:
+        RunFolder(folder)
     assert "\n" not in str(caught.value)
+    assert find_run(load_case(case_file, "quick"), "fem", tmp_path).status == "damaged"
+
+
+def test_nested_beyond_measure_is_damage(case_file: Path, tmp_path: Path) -> None:
+    folder = run(case_file, "fem", "quick", tmp_path).folder
+    (folder / "run.json").write_text("[" * 100_000)
+    with pytest.raises(RunFolderError, match="not valid JSON"):
+        RunFolder(folder)
+
+
+FULL = """
+import resource, signal, sys
+sys.path.insert(0, {tests!r})
+import fake_solver
+from verify import cli
+from verify.runs import running
+running.DISCRETISATIONS["fem"] = fake_solver.FakeSolver
+running.solver_records = fake_solver.fake_increments
+import verify.runs.vtk_files
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
+cli.main(["run", {case!r}, "--run", "fem", "--tier", "quick", "--out", {out!r}])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
+@pytest.mark.parametrize("size", [150, 300, 2000, 3000])
+def test_no_room_for_a_file_is_one_sentence_whichever_it_is(case_file: Path, tmp_path: Path, size: int) -> None:
+    """History, index, VTU, checkpoint: a limit stands for the disk that is full."""
+    code = FULL.format(tests=str(Path(__file__).parent), size=size, case=str(case_file), out=str(tmp_path / "out"))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    told = done.stdout + done.stderr
+    assert done.returncode == 2, told
+    assert "could not be written (File too large); check the place given with --out" in told
+    assert "Traceback" not in told and "Exception ignored" not in told and not done.stderr
+
+
+def test_fields_are_written_as_pyvista_would(case_file: Path, tmp_path: Path) -> None:
+    fields = fake_solver.FakeSolver(load_case(case_file, "quick")).fields()
+    for number, mesh in enumerate((points_mesh(fields), grid_mesh(fields))):
+        mesh.save(tmp_path / f"{number}.vtu")
+        write_mesh(mesh, tmp_path / "ours.vtu")
+        assert (tmp_path / "ours.vtu").read_bytes() == (tmp_path / f"{number}.vtu").read_bytes()
+
+
+def test_what_can_change_the_numbers_of_a_run_is_known() -> None:
+    """Whatever takes part in `running`, but for what only reads, waits or tells."""
+    only_tell = {"atomic", "lock", "provenance", "run_folder"}
+    source = "".join((ROOT / module).read_text() for module in SOLVING_MODULES)
+    used = set(re.findall(r"from verify\.runs\.(\w+) import", source)) - only_tell
+    assert {f"verify/runs/{name}.py" for name in used} | {"verify/runs/running.py", "verify/metrics/crack_path.py"} == {
+        *SOLVING_MODULES
+    }
 
 
 def test_an_unknown_status_is_refused(case_file: Path, tmp_path: Path) -> None:
@@ -289,122 +392,35 @@ def test_a_missing_run_is_one_sentence(tmp_path: Path) -> None:
         RunFolder(tmp_path / "nothing")
 
 
-def test_a_second_writer_is_refused_while_the_first_lives(tmp_path: Path) -> None:
-    import psutil
+LOCKED = """
+import sys
+from pathlib import Path
+from verify.runs.run_writer import RunWriter
+with RunWriter(Path(sys.argv[1])):
+    print("locked", flush=True)
+    sys.stdin.read()
+"""
 
-    partial = partial_folder(tmp_path / "fem")
-    partial.mkdir()
-    parent = psutil.Process(os.getppid())
-    (partial / "writer.json").write_text(json.dumps({"process": parent.pid, "started": parent.create_time()}))
-    with pytest.raises(WriteError, match="is writing this run now"), RunWriter(tmp_path / "fem"):
+
+def test_a_second_writer_is_refused_while_the_first_lives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the processes know of each other: in another container the other's number is unknown or a stranger's."""
+    first = subprocess.Popen(
+        [sys.executable, "-c", LOCKED, str(tmp_path / "fem")], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert first.stdout is not None and first.stdout.readline() == b"locked\n"
+
+    def unknown(process: int | None = None) -> None:
+        raise psutil.NoSuchProcess(process or 0)
+
+    monkeypatch.setattr(psutil, "Process", unknown)
+    refused = rf"fem: process {first.pid} on .* is writing this run now"
+    with pytest.raises(WriteError, match=refused), RunWriter(tmp_path / "fem"):
         pass
-    (partial / "writer.json").write_text(json.dumps({"process": parent.pid, "started": 0.0}))
+    first.kill()
+    first.communicate()
     with RunWriter(tmp_path / "fem"):
         assert not (tmp_path / "fem").exists()
-
-
-def _stop_at(step: int):
-    """A listener that presses Ctrl-C."""
-
-    def listener(increment) -> None:
-        if increment.step == step:
-            raise KeyboardInterrupt
-
-    return listener
-
-
-@pytest.fixture
-def save_always(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(RunWriter, "checkpoint_interval", -1.0)
-    monkeypatch.setattr(RunWriter, "largest_share", float("inf"))
-
-
-@pytest.mark.usefixtures("save_always")
-def test_a_stopped_run_goes_on_from_its_checkpoint(case_file: Path, tmp_path: Path) -> None:
-    with pytest.raises(InterruptedRunError, match="--resume"):
-        run(case_file, "fem", "quick", tmp_path, _stop_at(5))
-    partial = partial_folder(run_path(tmp_path, "square", "quick", "fem"))
-    # as if the kill had come after more increments than the checkpoint knows
-    with (partial / "history.csv").open("a") as history:
-        history.write("6,0.6,0.006,1,1,1,0,1,1,1,1,1\n7,0.7")
-    seen: list = []
-    done = run(case_file, "fem", "quick", tmp_path, seen.append, resume=True)
-    assert [increment.step for increment in seen] == [6, 7, 8, 9, 10]
-    assert done.info["resumed_after_step"] == 5
-    whole = run(case_file, "fem", "quick", tmp_path / "whole")
-    assert whole.info["resumed_after_step"] is None
-    assert done.history.equals(whole.history)
-    assert done.index.equals(whole.index)
-
-
-@pytest.mark.usefixtures("save_always")
-def test_savings_take_no_more_than_their_share(
-    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(RunWriter, "largest_share", 1e-9)
-    with pytest.raises(InterruptedRunError):
-        run(case_file, "fem", "quick", tmp_path, _stop_at(5))
-    done = run(case_file, "fem", "quick", tmp_path, resume=True)
-    assert done.info["resumed_after_step"] == 0
-
-
-@pytest.mark.usefixtures("save_always")
-def test_a_checkpoint_of_another_case_or_a_damaged_one_is_not_taken_up(case_file: Path, tmp_path: Path) -> None:
-    def stopped_then_resumed() -> object:
-        seen: list = []
-        done = run(case_file, "fem", "quick", tmp_path, seen.append, resume=True, force=True)
-        assert seen[0].step == 0
-        return done.info["resumed_after_step"]
-
-    for spoil in (
-        lambda checkpoint: case_file.write_text(case_file.read_text().replace("210.0", "211.0")),
-        lambda checkpoint: _cut(checkpoint),
-        lambda checkpoint: checkpoint.unlink(),
-    ):
-        with pytest.raises(InterruptedRunError):
-            run(case_file, "fem", "quick", tmp_path, _stop_at(5), force=True)
-        spoil(partial_folder(run_path(tmp_path, "square", "quick", "fem")) / "checkpoint.npz")
-        assert stopped_then_resumed() is None
-
-
-@pytest.mark.usefixtures("save_always")
-@pytest.mark.parametrize("solver", ["fem", "mpm"])
-def test_a_resumed_solution_is_that_of_an_uninterrupted_run(
-    monkeypatch: pytest.MonkeyPatch, variant, tmp_path: Path, solver: str
-) -> None:
-    """Broken through on the way, with increments that were undone, and points that move."""
-    case = variant(
-        "sen_tension", solver,
-        mesh={"h": 0.02, "coarse": 0.1, "fine": {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}},
-        load={"path": [0.0, 0.0075, 0.007, 0.02], "increment": 1e-3, "smallest": 2.5e-4},
-        materials={"steel": {"fracture": {"length_scale": 0.03}}},
-    )  # fmt: skip
-    whole = run(case, solver, "standard", tmp_path / "whole")
-    steps = len(whole.history)
-    assert whole.info["status"] == "broken_through"
-    for step in (3, steps - 2):
-        with pytest.raises(InterruptedRunError):
-            run(case, solver, "standard", tmp_path, _stop_at(step), resume=True)
-    done = run(case, solver, "standard", tmp_path, resume=True)
-    assert done.info["resumed_after_step"] == steps - 2
-    apart = (done.history - whole.history).drop(columns="seconds").abs().max()
-    assert (apart <= 1e-9 * whole.history.abs().max().drop("seconds")).all()
-    work = ("increments", "staggered_iterations", "newton", "factorisations")
-    assert {name: done.info["counters"][name] for name in work} == {
-        name: whole.info["counters"][name] for name in work
-    }
-
-
-@pytest.mark.usefixtures("save_always")
-def test_a_damped_bar_that_goes_on_is_not_taken_for_one_that_blew_up(variant, tmp_path: Path) -> None:
-    """What damping has taken by then is little beside the energy at the start."""
-    case = variant("vibrating_bar", mesh={"h": 10.0}, dynamics={"end_time": 0.1, "damping": 1.0})
-    with pytest.raises(InterruptedRunError):
-        run(case, "mpm", "standard", tmp_path, _stop_at(3))
-    done = run(case, "mpm", "standard", tmp_path, resume=True)
-    assert (done.info["status"], done.info["resumed_after_step"]) == ("complete", 3)
-    whole = run(case, "mpm", "standard", tmp_path / "whole")
-    assert done.history.drop(columns="seconds").equals(whole.history.drop(columns="seconds"))
+    assert not list(tmp_path.iterdir())
 
 
 def test_points_that_leave_the_grid_end_the_run_in_a_sentence(variant, tmp_path: Path) -> None:
@@ -414,21 +430,6 @@ def test_points_that_leave_the_grid_end_the_run_in_a_sentence(variant, tmp_path:
     done = run(case, "mpm", "standard", tmp_path)
     assert done.info["status"] == "no_convergence" and not (done.folder / "traceback.txt").exists()
     assert "material points have left the grid; enlarge mpm.margin" in done.info["reason"]
-
-
-@pytest.mark.usefixtures("save_always")
-def test_a_run_resumed_at_its_last_record_tells_the_same_measures(variant, tmp_path: Path) -> None:
-    case = variant("hertz_cylinder", mesh={"h": 0.8}, dynamics={"end_time": 0.02}, output={"records": 4})
-
-    def stop_at_the_end(instant) -> None:
-        if instant.share == 1.0:
-            raise KeyboardInterrupt
-
-    with pytest.raises(InterruptedRunError):
-        run(case, "mpm", "standard", tmp_path, stop_at_the_end)
-    measures = run(case, "mpm", "standard", tmp_path, resume=True).info["measures"]
-    assert measures["peak_pressure"] > 0.0
-    assert measures == run(case, "mpm", "standard", tmp_path / "whole").info["measures"]
 
 
 def test_a_run_that_blew_up_keeps_the_snapshots_before_and_no_state_of_the_wreck(variant, tmp_path: Path) -> None:
@@ -452,16 +453,3 @@ def test_what_a_case_expects_is_judged_as_the_case_stands_now(
     state = find_run(load_case(plain, "quick"), "fem", tmp_path)
     assert (state.status, state.failed) == ("expected_failure", False)
     assert runs_sentence([state]).startswith("1 run ended as intended")
-
-
-@pytest.mark.usefixtures("save_always")
-def test_a_history_that_does_not_reach_the_checkpoint_is_not_gone_on_with(
-    case_file: Path, tmp_path: Path
-) -> None:
-    with pytest.raises(InterruptedRunError):
-        run(case_file, "fem", "quick", tmp_path, _stop_at(5))
-    history = partial_folder(run_path(tmp_path, "square", "quick", "fem")) / "history.csv"
-    _cut(history)
-    done = run(case_file, "fem", "quick", tmp_path, resume=True)
-    assert done.info["resumed_after_step"] is None
-    assert len(done.history) == 11

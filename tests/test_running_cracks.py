@@ -95,6 +95,17 @@ def test_a_drawn_crack_is_symmetric_about_its_own_axis_only():
         METRICS["asymmetry"](synthetic_run(), direction="z", middle=0.0)
 
 
+def test_travel_says_along_which_axis():
+    history = pd.DataFrame({"time": [0.0, 1.0, 2.0], "block_x": [0.0, 1.0, 2.0], "block_y": [5.0, 5.0, 5.0]})
+    run = SimpleNamespace(history=history, info={"run": "drawn"})
+    assert METRICS["travel"](run, body="block", time=2.0, direction="x") == pytest.approx(2.0)
+    assert METRICS["travel"](run, body="block", time=2.0, direction="y") == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(MetricError, match="direction"):
+        METRICS["travel"](run, body="block", time=2.0)
+    with pytest.raises(MetricError, match="give 'x' or 'y'"):
+        METRICS["travel"](run, body="block", time=2.0, direction="z")
+
+
 def test_two_arms_about_the_middle_are_a_cone_and_one_crack_is_none():
     run = synthetic_run()
     across = {"middle": FORK[1], "within": 15.0}
@@ -118,7 +129,7 @@ def test_histories_differ_by_their_largest_distance():
     assert difference(run, reference, column="E_frac") == pytest.approx(0.1 / 1.5)
     assert difference(run, reference, column="E_frac", until=10.0) == pytest.approx(0.1 / 0.7)
     assert difference(run, reference, column="E_frac", since_start=1) == pytest.approx(0.0)
-    with pytest.raises(MetricError, match="has no column E_none"):
+    with pytest.raises(MetricError, match="has no values of E_none"):
         difference(run, reference, column="E_none")
 
 
@@ -141,10 +152,12 @@ def fields_at(time: float, count: int = 50) -> Fields:
 
 
 def write_frames(folder: Path, until: float = 3.0, after: float = -np.inf, count: int = 50) -> None:
-    writer = FrameWriter(folder / "frames", (0.0, 1.0, 2.0, 3.0), after)
+    writer = FrameWriter(folder / "frames", (0.0, 1.0, 2.0, 3.0))
+    writer.start(SimpleNamespace(u=after), "")
     for time in np.arange(0.0, until + 0.01, 0.25):
         if time > after:
-            writer.record(SimpleNamespace(u=time), SimpleNamespace(fields=lambda now=time: fields_at(now, count)))
+            solver = SimpleNamespace(fields=lambda now=time: fields_at(now, count))
+            writer.record(SimpleNamespace(u=time, is_good=True), solver)
 
 
 def test_frames_come_at_their_times_and_hold_the_points(tmp_path):
@@ -174,7 +187,7 @@ def test_a_run_without_frames_has_none(tmp_path):
 
 def test_the_film_has_a_picture_for_each_frame(tmp_path):
     write_frames(tmp_path)
-    run = SimpleNamespace(name="mpm", solver="mpm", folder=SimpleNamespace(folder=tmp_path))
+    run = SimpleNamespace(name="mpm", label="PF-MPM", folder=SimpleNamespace(folder=tmp_path))
     results = SimpleNamespace(main_runs=lambda largest=2: [run], unit=lambda kind: kind)
     made = film(results, tmp_path / "figures")
     assert made.times == [0.0, 1.0, 2.0, 3.0] and len(made.files) == 4

@@ -1,11 +1,13 @@
 """The command line: cases before anything is run, runs and their judgement, studies of accuracy, failure and cost.
 
-Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked.
+Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked, 5 internal error.
 """
 
 import math
 import sys
-from dataclasses import replace
+import tempfile
+import traceback
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,29 +15,28 @@ import pandas as pd
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
+from cases.judging import TIERS
 from numerics.status import RunStatus
-from verify.judging.judge import accept, checks_of, find_runs
-from verify.judging.summary import (
-    check_name,
-    check_sentence,
-    counts,
-    exit_code,
-    failed_runs,
-    summarise,
-    write_summary,
-)
+from verify.judging.acceptance import accept
+from verify.judging.judge import checks_of, find_runs
+from verify.judging.summary import exit_code, summarise, write_summary
+from verify.judging.views import check_name, check_sentence, counts, failed_runs
 from verify.runs.jobs import Job, outcomes
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolderError
 from verify.runs.running import DEFAULT_OUT, DEFAULT_THREADS
+from verify.runs.selection import named_runs, selected_runs
 
-OUT_OF_TOLERANCE, RUN_FAILED, BAD_INPUT, NOTHING_CHECKED = 1, 2, 3, 4
+RUN_FAILED, BAD_INPUT, INTERNAL_ERROR = 2, 3, 5
 COLOURS = {"PASS": "green", "FAIL": "red", "RUN_FAILED": "red", "MISSING": "yellow", "NOT_CHECKED": "yellow"}
 EXIT_CODE_HELP = (
-    "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked."
+    "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked,"
+    " 5 internal error."
 )
+DEBUG = "--debug"
 
 app = typer.Typer(
     name="verify",
@@ -54,35 +55,49 @@ OptionalCase = Annotated[
     typer.Argument(metavar="[CASE]", help="name, folder or .toml file; all of the library without it"),
 ]
 TierOption = Annotated[str, typer.Option("--tier", help="resolution: quick, standard or paper")]
-OutOption = Annotated[Path, typer.Option("--out", help="folder of all results")]
+
+
+def _folder(given: str | Path) -> Path:
+    """The folder of an option, which may be to come."""
+    if not str(given).strip():
+        raise typer.BadParameter("is empty; give a folder")
+    if Path(given).exists() and not Path(given).is_dir():
+        raise typer.BadParameter(f"{str(given)!r} is a file; give a folder")
+    return Path(given)
+
+
+def _share(text: str) -> float:
+    """0.01 for "1%" and for "0.01"."""
+    try:
+        value = float(text.strip().removesuffix("%")) / (100.0 if text.strip().endswith("%") else 1.0)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise typer.BadParameter(f"{text!r} is no share; give for instance 1% or 0.01")
+    return value
+
+
+OutOption = Annotated[Path, typer.Option("--out", parser=_folder, metavar="FOLDER", help="folder of all results")]
 AccuracyOption = Annotated[
-    str | None, typer.Option("--accuracy", help="error allowed in each checked quantity, such as 1%")
+    float | None,
+    typer.Option("--accuracy", parser=_share, metavar="SHARE", help="error allowed in each checked quantity, such as 1%"),
 ]
 ClusterOption = Annotated[
     str | None,
     typer.Option("--cluster", help="do the runs on this Dask cluster, one on each worker: tcp://host:8786"),
 ]
 RunOption = Annotated[list[str] | None, typer.Option("--run", help="only this run; may be repeated")]
+JobsOption = Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")]
+ThreadsOption = Annotated[int, typer.Option("--threads", min=1, help="threads of each run")]
 
 
 def _console() -> Console:
-    """Made anew for each command, because tests and callers may have replaced sys.stdout."""
-    return Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty())
+    """Made anew for each command, because tests and callers may have replaced sys.stdout; brackets are no markup."""
+    return Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty(), markup=False, highlight=False, emoji=False)
 
 
 def _selected(case: str | None, tier: str) -> list[Case]:
     return [load_case(name, tier) for name in ([case] if case else list_cases())]
-
-
-def _selected_runs(case: Case, wanted: list[str] | None) -> list[str]:
-    """Names of the runs to do; the name of a sweep stands for all its members."""
-    if not wanted:
-        return case.expanded_runs()
-    names: list[str] = []
-    for run_name in wanted:
-        members = [name for name in case.expanded_runs() if case.run_spec(name).family == run_name]
-        names += members or [run_name]
-    return list(dict.fromkeys(names))
 
 
 # ----------------------------------------------------------------------------------------- look, not compute
@@ -99,6 +114,7 @@ def main_options(
     version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="show the version and end")
     ] = False,
+    debug: Annotated[bool, typer.Option(DEBUG, help="show where in the program an internal error happened")] = False,
 ) -> None:
     """Options of the program itself."""
 
@@ -123,12 +139,9 @@ def validate(case: OptionalCase = None) -> None:
     Examples: `verify validate` · `verify validate sen_tension` · `verify validate my_case.toml`
     """
     for name in [case] if case else list_cases():
-        for tier in ("quick", "standard", "paper"):
-            loaded = load_case(name, tier)
-            checks_of(loaded)
-            for run_name in loaded.expanded_runs():
-                load_case(name, tier, run_name)
-        _console().print(f"{name}: valid", highlight=False)
+        for tier in TIERS:
+            checks_of(load_case(name, tier))
+        _console().print(f"{name}: valid")
 
 
 @app.command()
@@ -150,57 +163,16 @@ def plan(
     from verify.planning.plan import plan as make_plan
     from verify.studies.charts import recorded_choices
 
-    base, share = load_case(case, tier), _share(accuracy)
-    console = _console()
-    for name in _selected_runs(base, run_names):
-        console.print(_plan_table(make_plan(load_case(case, tier, name), name, share)))
-    console.print(f"Seconds are a rough estimate: {RULE}.", highlight=False)
-    for sentence in recorded_choices(base, out, share) if share else ():
-        console.print(f"Measured by `verify chart`: {sentence}", highlight=False)
-
-
-def _share(accuracy: str | None) -> float | None:
-    """0.01 for "1%" and for "0.01"."""
-    if accuracy is None:
-        return None
-    text = accuracy.strip()
-    try:
-        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < 1.0:
-        raise typer.BadParameter(f"{accuracy!r} is no share; give for instance 1% or 0.01", param_hint="--accuracy")
-    return value
-
-
-def _plan_table(planned: Any) -> Table:
-    table = Table(
-        "what", "value", title=f"{planned.case} · {planned.tier} · {planned.run}", title_justify="left"
-    )
-    adapts = " or more, adaptive" if planned.adaptive else ", constant"
-    increments = f"{planned.increments}{adapts}, about {planned.iterations} staggered iterations in all"
-    rows = {
-        "regime": planned.regime,
-        "bodies": planned.bodies,
-        "solver": f"{planned.solver}: {planned.basis}",
-        "notch": planned.notches,
-        "cells": f"{planned.cells}",
-        "points": f"{planned.points}",
-        "unknowns": f"{planned.unknowns_displacement} of u, {planned.unknowns_phase_field} of c",
-        "increments": f"{planned.increments} equal steps in time"
-        if planned.explicit
-        else f"{increments}, about as many Newton iterations",
-        "memory": f"about {planned.memory_mb:.0f} MB",
-        "time": f"about {planned.seconds:.0f} s",
-    }
-    for what, value in rows.items():
-        table.add_row(what, value)
-    for saving in planned.savings:
-        table.add_row(saving.name, f"{'on' if saving.used else 'off'}: {saving.reason}")
-    for note in (*planned.notes, planned.unpriced):
-        if note:
-            table.add_row("note", note)
-    return table
+    base, console = load_case(case, tier), _console()
+    for name in selected_runs(base, run_names):
+        planned = make_plan(load_case(case, tier, name), name, accuracy)
+        table = Table("what", "value", title=planned.title, title_justify="left")
+        for row in planned.rows():
+            table.add_row(*row)
+        console.print(table)
+    console.print(f"Seconds are a rough estimate: {RULE}.")
+    for sentence in recorded_choices(base, out, accuracy) if accuracy else ():
+        console.print(f"Measured by `verify chart`: {sentence}")
 
 
 @app.command()
@@ -224,7 +196,7 @@ def surface(case: CaseArgument, tier: TierOption = "standard", out: OutOption = 
         table.add_row(row["material"], str(row["order"]), *least, *largest, row["forbidden"])
     console = _console()
     console.print(table)
-    console.print(f"Figures and data: {out / 'surface' / loaded.name}", highlight=False)
+    console.print(f"Figures and data: {out / 'surface' / loaded.name}")
 
 
 @app.command()
@@ -252,7 +224,10 @@ def run_command(
     threads: Annotated[
         int, typer.Option("--threads", min=1, help="threads of all jobs together; on a cluster, of each")
     ] = DEFAULT_THREADS,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
+    jobs: JobsOption = 1,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", min=0.0, help="seconds after which a run is given up; it can be resumed")
+    ] = None,
     accuracy: AccuracyOption = None,
     cluster: ClusterOption = None,
 ) -> None:
@@ -262,40 +237,24 @@ def run_command(
     `verify run l_panel --tier paper --resume` · `verify run sen_tension --accuracy 1%` ·
     `verify run --cluster tcp://127.0.0.1:8786 --threads 1`
     """
-    from verify.planning.plan import plan as make_plan
+    from verify.planning.plan import planned_job
 
-    each = threads if cluster else max(1, threads // jobs)
-    todo = [
-        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume)
-        for named in _named_runs(case, tier, run_names)
+    each, console = threads if cluster else max(1, threads // jobs), _console()
+    wanted = [
+        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
+        for named in named_runs(_selected(case, tier), run_names)
     ]
-    for job in todo:
-        job.case()  # a mistake in the last case is told before the first run
-    console, failed = _console(), False
-    if accuracy is not None:
-        plans = [make_plan(job.case(), job.run, _share(accuracy)) for job in todo]
-        todo = [replace(job, change=planned.change) for job, planned in zip(todo, plans, strict=True)]
-        for job, planned in zip(todo, plans, strict=True):
-            off = [f"{name} off: it {why}" for name, why in planned.too_dear.items()]
-            for said in (*off, planned.unpriced):
-                console.print(f"{job.title}: {said}", markup=False, highlight=False) if said else None
-    for outcome in outcomes(todo, jobs, cluster):
-        console.print(f"{outcome.title}: {outcome.line}", markup=False, highlight=False)
+    # a mistake in the last case is told before the first run
+    planned = [planned_job(job, accuracy) for job in wanted]
+    for job, sentences in planned:
+        for sentence in sentences:
+            console.print(f"{job.title}: {sentence}")
+    failed = False
+    for outcome in outcomes([job for job, _ in planned], jobs, cluster):
+        console.print(f"{outcome.title}: {outcome.line}")
         failed |= outcome.failed
     if failed:
         raise typer.Exit(RUN_FAILED)
-
-
-def _named_runs(case: str | None, tier: str, run_names: list[str] | None) -> list[tuple[Path, str, str]]:
-    """Source, case and run of what is asked for. Over the whole library, a case without the named run is passed over."""
-    todo = []
-    for loaded in _selected(case, tier):
-        for name in _selected_runs(loaded, run_names):
-            if case or name in loaded.expanded_runs():
-                todo.append((loaded.source, loaded.name, name))
-    if not todo:
-        raise typer.BadParameter(f"no case has a run called {', '.join(run_names or [])}", param_hint="--run")
-    return todo
 
 
 # --------------------------------------------------------------------------------------------------- judge
@@ -323,7 +282,7 @@ def compare(case: OptionalCase = None, tier: TierOption = "standard", out: OutOp
     console.print(_verdict_table(summary))
     left_out = [loaded.name for loaded in cases if loaded not in found]
     if left_out:
-        console.print(f"Not run in this tier and not judged: {', '.join(left_out)}", highlight=False)
+        console.print(f"Not run in this tier and not judged: {', '.join(left_out)}")
     raise typer.Exit(exit_code(summary))
 
 
@@ -334,11 +293,11 @@ def _has_runs(case: Case, out: Path) -> bool:
 def _print_problems(console: Console, summary: dict[str, Any]) -> None:
     for case in summary["cases"]:
         for sentence in failed_runs(case):
-            console.print(f"{case['case']}: run {sentence}", markup=False, highlight=False)
+            console.print(f"{case['case']}: run {sentence}")
         for check in case["checks"]:
             if check["verdict"] in ("FAIL", "MISSING"):
                 line = f"{case['case']}: {check['verdict']}: {check_name(check)}: {check_sentence(check)}"
-                console.print(line, markup=False, highlight=False)
+                console.print(line)
 
 
 def _verdict_table(summary: dict[str, Any]) -> Table:
@@ -346,8 +305,7 @@ def _verdict_table(summary: dict[str, Any]) -> Table:
     for case in summary["cases"]:
         passed, gated, margin = counts(case)
         share = "" if margin is None else f"{100 * margin:.0f} %"
-        colour = COLOURS[case["verdict"]]
-        table.add_row(case["case"], f"[{colour}]{case['verdict']}[/]", f"{passed} of {gated}", share)
+        table.add_row(case["case"], Text(case["verdict"], COLOURS[case["verdict"]]), f"{passed} of {gated}", share)
     return table
 
 
@@ -382,13 +340,19 @@ def accept_command(
     """
     loaded = load_case(case, tier)
     rows = accept(loaded, reason, out)
-    table = Table("run", "metric", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
+    table = Table("run", "metric", "parameters", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
     for row in rows:
-        table.add_row(row.run, row.metric, f"{row.value:.8g}", row.unit)
+        table.add_row(row.run, row.metric, row.parameters, f"{row.value:.8g}", row.unit)
     _console().print(table)
 
 
 # -------------------------------------------------------------------------------------------------- studies
+
+
+def _teller() -> Callable[[str], None]:
+    """What prints a line while a study goes on."""
+    console = _console()
+    return lambda line: console.print(line)
 
 
 @app.command()
@@ -398,8 +362,8 @@ def chart(
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--chart", help="only this chart; may be repeated")] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="runs of each level; the least time counts")] = 1,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
-    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+    jobs: JobsOption = 1,
+    threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Chart accuracy against cost: run the ladders of a case's charts, tabulate and draw error over time and work.
@@ -412,10 +376,7 @@ def chart(
     from verify.studies.charts import choice_sentence, make_charts
     from verify.studies.study import Options
 
-    console, loaded = _console(), load_case(case, tier)
-
-    def tell(line: str) -> None:
-        console.print(line, markup=False, highlight=False)
+    tell, loaded = _teller(), load_case(case, tier)
 
     for file in make_charts(loaded, Options(out, jobs, threads, cluster), names or [], repeats, tell):
         with drawing_style():
@@ -431,8 +392,8 @@ def stability(
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--map", help="only this map; may be repeated")] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
-    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+    jobs: JobsOption = 1,
+    threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Map where a method fails: a verdict for every pair of two levels, the border between them bisected.
@@ -445,10 +406,7 @@ def stability(
     from verify.studies.maps import make_maps
     from verify.studies.study import Options
 
-    console, loaded = _console(), load_case(case, tier)
-
-    def tell(line: str) -> None:
-        console.print(line, markup=False, highlight=False)
+    tell, loaded = _teller(), load_case(case, tier)
 
     for file in make_maps(loaded, Options(out, jobs, threads, cluster), names or [], tell):
         with drawing_style():
@@ -465,8 +423,8 @@ def price_command(
     run_names: RunOption = None,
     only: Annotated[list[str] | None, typer.Option("--saving", help="only this saving; may be repeated")] = None,
     record: Annotated[bool, typer.Option("--record", help="keep the prices beside the case's baseline")] = False,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")] = 1,
-    threads: Annotated[int, typer.Option("--threads", min=1, help="threads of each run")] = 1,
+    jobs: JobsOption = 1,
+    threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Price every saving: run a case with each of them off in turn and with all off.
@@ -480,13 +438,10 @@ def price_command(
     from verify.studies.prices import price
     from verify.studies.study import Options
 
-    console, loaded = _console(), load_case(case, tier)
-
-    def tell(line: str) -> None:
-        console.print(line, markup=False, highlight=False)
+    tell, loaded = _teller(), load_case(case, tier)
 
     file = price(loaded, Options(out, jobs, threads, cluster), run_names or [], tell, record, only or [])
-    console.print(_price_table(pd.read_csv(file)))
+    _console().print(_price_table(pd.read_csv(file)))
     tell(f"Prices: {file}")
 
 
@@ -519,18 +474,16 @@ def calibrate(
     if table["case"].nunique() < 2:
         raise RunFolderError(f"{out / 'runs'}: holds no finished runs of two cases or more; do them with `verify run`.")
     fitted = calibration.fit(table)
-    judged = {"fitted": calibration.predicted(table, fitted), "left out": calibration.left_out(table)}
     shown = Table("predicted over measured", "median", "least", "most", "within a factor of 2", "with its case left out")
-    for name in calibration.QUANTITIES:
-        ratios = judged["fitted"][name]
-        shares = [f"{100 * calibration.within_factor(part[name]):.0f} %" for part in judged.values()]
-        shown.add_row(name, *(f"{value:.2f}" for value in (ratios.median(), ratios.min(), ratios.max())), *shares)
+    for name, row in calibration.judged(table, fitted).iterrows():
+        values = (f"{row[key]:.2f}" for key in ("median", "least", "most"))
+        shown.add_row(str(name), *values, *(f"{100 * row[key]:.0f} %" for key in ("within", "left_out")))
     console = _console()
     console.print(shown)
-    console.print(f"{len(table)} runs of {table['case'].nunique()} cases", highlight=False)
+    console.print(f"{len(table)} runs of {table['case'].nunique()} cases")
     if write:
         calibration.write_constants(fitted, table)
-        console.print(f"Written: {calibration.COSTS_FILE}, {calibration.RUNS_FILE}", highlight=False)
+        console.print(f"Written: {calibration.COSTS_FILE}, {calibration.RUNS_FILE}")
 
 
 # ---------------------------------------------------------------------------------------------------- main
@@ -550,6 +503,30 @@ def _exit_code(arguments: list[str] | None) -> int:
         return _say("Stopped.", RUN_FAILED)
     except typer.TyperException as error:
         return _say(error.format_message(), BAD_INPUT)
+    except BrokenPipeError:  # whoever reads the output has had enough
+        sys.stderr.close()
+        return 0
+    except OSError as error:
+        return _internal(error, arguments) if error.filename is None else _say(_refused(error), BAD_INPUT)
+    except Exception as error:
+        return _internal(error, arguments)
+
+
+def _refused(error: OSError) -> str:
+    """A file or folder that the system does not let us read or write."""
+    return f"{error.filename}: {(error.strerror or str(error)).lower()}; make it readable and writable, or name another."
+
+
+def _internal(error: Exception, arguments: list[str] | None) -> int:
+    """A mistake of the program, which is no verdict: one sentence, and the traceback for whoever mends it."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    if DEBUG in (sys.argv[1:] if arguments is None else arguments):
+        traceback.print_exception(error)
+        return _say(f"Internal error: {what}; please report it with the traceback above.", INTERNAL_ERROR)
+    with tempfile.NamedTemporaryFile("w", prefix="verify-", suffix=".txt", delete=False, encoding="utf-8") as file:
+        traceback.print_exception(error, file=file)
+    remedy = f"please report it where you have the program from, with {file.name}"
+    return _say(f"Internal error: {what}; {remedy} (`verify {DEBUG} ...` shows it here).", INTERNAL_ERROR)
 
 
 def _say(sentence: str, code: int) -> int:

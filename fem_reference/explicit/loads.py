@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.dynamics import Traction
+from cases.loading import Traction
 from fem_reference.element_basis import ElementBasis
 from fem_reference.mesh.arrays import MeshError
 

@@ -85,13 +85,6 @@ def edge_lengths(points: Floats, cells: Integers) -> Floats:
     return np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=-1)
 
 
-def corner_angles(points: Floats, cells: Integers) -> Floats:
-    """Inner angle at each corner, (n_elements, n_corners) [degrees]."""
-    corners = points[cells]
-    forward, backward = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    return np.degrees(np.arctan2(cross(forward, backward), (forward * backward).sum(axis=-1)))
-
-
 @dataclass(frozen=True)
 class EdgeTable:
     """Edges of a mesh.

@@ -5,25 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 import skfem
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from cases import Case
 from cases.geometry import Box, Shape
-from cases.notches import CellsNotch, SlitNotch
+from cases.notches import CellsNotch, Segment, SlitNotch
+from cases.spacing import grid_blocks
 from fem_reference.mesh.arrays import (
+    Floats,
     Integers,
     MeshArrays,
     MeshError,
-    corner_angles,
-    edge_lengths,
     joined,
     signed_areas,
 )
 from fem_reference.mesh.files import read_mesh_file
 from fem_reference.mesh.quads import rectangles
-from fem_reference.mesh.slits import Slit, split_slits
+from fem_reference.mesh.slits import split_slits
 from fem_reference.mesh.triangles import (
     SNAP,
     Feature,
@@ -32,16 +32,22 @@ from fem_reference.mesh.triangles import (
     circles_of,
     notch_outline,
     outline_of,
+    planar_graph,
     snapped,
     triangulate,
 )
 
-__all__ = ["Mesh", "MeshError", "Quality", "build_mesh", "quality"]
+__all__ = ["Mesh", "MeshError", "build_mesh"]
 
 # What to do about a slit that the mesh does not follow.
 REMEDY_QUADS = 'set mesh.element = "triangle"'
 REMEDY_TRIANGLES = 'move it into a body, or make it a notch of kind "cells"'
 REMEDY_FILE = "draw the slit as edges in the mesh file"
+# Triangles that netgen makes in the square of the wanted size, and where it is held to it in a box: 4 / sqrt(3) would be
+# equilateral ones of that size.
+TRIANGLES_IN_A_SQUARE, TRIANGLES_IN_A_BOX = 2.75, 2.05
+# Blocks along each axis over which triangles are counted before they are made.
+BLOCKS = 500
 
 
 @dataclass(frozen=True)
@@ -59,31 +65,6 @@ class Mesh:
     def arrays(self) -> MeshArrays:
         """The same mesh as plain arrays."""
         return MeshArrays(self.mesh.p.T, self.mesh.t.T.astype(np.int64), self.body)
-
-
-@dataclass(frozen=True)
-class Quality:
-    """Shape of the worst elements, and sizes.
-
-    smallest_angle, largest_angle : between two edges of an element [degrees]
-    aspect : largest ratio of the longest to the shortest edge of an element
-    shortest_edge, longest_edge : [length]
-    """
-
-    smallest_angle: float
-    largest_angle: float
-    aspect: float
-    shortest_edge: float
-    longest_edge: float
-
-
-def quality(mesh: Mesh) -> Quality:
-    """The worst angles and aspect ratio of a mesh."""
-    angles = corner_angles(mesh.arrays.points, mesh.arrays.cells)
-    lengths = edge_lengths(mesh.arrays.points, mesh.arrays.cells)
-    aspect = (lengths.max(axis=1) / lengths.min(axis=1)).max()
-    extremes = (angles.min(), angles.max(), aspect, lengths.min(), lengths.max())
-    return Quality(*(float(value) for value in extremes))
 
 
 def build_mesh(case: Case) -> Mesh:
@@ -111,6 +92,26 @@ def uses_quads(case: Case) -> bool:
     return case.mesh.element == "quad" and all(shape.is_rectilinear for shape in shapes)
 
 
+def expected_triangles(case: Case, with_outlines: bool) -> tuple[Floats, Floats]:
+    """Number (n_bodies,) of the triangles that `build_mesh` will make of each shape, and its nodes (n, 2) on outlines.
+
+    The number is estimated to a few per cent. with_outlines : find the nodes, which takes its time where there are very
+    many; none without.
+    """
+    shapes = {index: body.shape for index, body in enumerate(case.bodies.values()) if body.shape}
+    size, outlines, blocks = _size_field(case), _outlines(case, shapes), grid_blocks(case, BLOCKS)
+    held = np.any([box.away(blocks.centres) == 0.0 for box in size.boxes if not size.is_uniform], axis=0)
+    density = np.where(held, TRIANGLES_IN_A_BOX, TRIANGLES_IN_A_SQUARE) * blocks.areas / size(blocks.centres) ** 2
+    number = np.zeros(len(case.bodies))
+    for index, outline in zip(shapes, outlines, strict=True):
+        inside = shapely.contains_xy(outline, *blocks.centres.T)
+        number[index] = density[inside].sum() * outline.area / blocks.areas[inside].sum() if inside.any() else 1.0
+    if not with_outlines:
+        return number, np.zeros((0, 2))
+    slits = [snapped(slit, outlines, SNAP * case.mesh.h) for slit in _slits(case).values()]
+    return number, planar_graph(outlines, slits, _anchors(case), size).points
+
+
 def _opened_mesh(case: Case) -> MeshArrays:
     """All bodies as one mesh without its notches."""
     slits, remedy = _slits(case), REMEDY_QUADS if uses_quads(case) else REMEDY_TRIANGLES
@@ -125,35 +126,22 @@ def _opened_mesh(case: Case) -> MeshArrays:
         parts.append(_without_notches(case, rectangles(case, list(shapes))))
     elif shapes:
         outlines = _outlines(case, shapes)
-        slits = [snapped(slit, outlines, SNAP * case.mesh.h) for slit in slits]
-        parts.append(_triangles(case, shapes, outlines, slits))
+        slits = {key: snapped(slit, outlines, SNAP * case.mesh.h) for key, slit in slits.items()}
+        parts.append(_triangles(case, shapes, outlines, list(slits.values())))
     _check_one_kind(case, parts)
     mesh = joined(parts)
     _check_no_body_is_gone(case, mesh)
     return split_slits(mesh, slits, remedy)
 
 
-def _slits(case: Case) -> list[Slit]:
-    notches = enumerate(case.notches)
-    return [
-        Slit(f"notches[{n}]", notch.start, notch.end) for n, notch in notches if isinstance(notch, SlitNotch)
-    ]
+def _slits(case: Case) -> dict[str, Segment]:
+    """Notches of kind "slit" by their keys in the file."""
+    return {f"notches[{n}]": notch for n, notch in enumerate(case.notches) if isinstance(notch, SlitNotch)}
 
 
 def _without_notches(case: Case, mesh: MeshArrays) -> MeshArrays:
     """The mesh without the elements whose centres lie in notches of kind "cells"."""
-    keep = np.ones(len(mesh.cells), dtype=bool)
-    for notch in case.notches:
-        if isinstance(notch, CellsNotch):
-            keep &= ~_in_notch(notch, mesh.centres())
-    return mesh.keep(keep)
-
-
-def _in_notch(notch: CellsNotch, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask of the points in the rectangle of the notch's width about its segment."""
-    segment = Slit("notch", notch.start, notch.end)
-    along, aside = segment.coordinates(points)
-    return (along >= 0.0) & (along <= segment.length) & (np.abs(aside) <= notch.width / 2.0)
+    return mesh.keep(~case.left_out(mesh.centres()))
 
 
 def _size_field(case: Case) -> SizeField:
@@ -196,13 +184,12 @@ def _outlines(case: Case, shapes: dict[int, Shape]) -> list[BaseGeometry]:
     outlines = [outline_of(shape, _size_field(case), _anchors(case)) for shape in shapes.values()]
     for notch in case.notches:
         if isinstance(notch, CellsNotch):
-            segment = Slit("notch", notch.start, notch.end)
-            outlines = [body - notch_outline(segment, notch.width, body) for body in outlines]
+            outlines = [body - notch_outline(notch, body) for body in outlines]
     return outlines
 
 
 def _triangles(
-    case: Case, shapes: dict[int, Shape], outlines: list[BaseGeometry], slits: list[Slit]
+    case: Case, shapes: dict[int, Shape], outlines: list[BaseGeometry], slits: list[Segment]
 ) -> MeshArrays:
     circles = [circle for shape in shapes.values() for circle in circles_of(shape)]
     mesh = triangulate(outlines, _size_field(case), slits, _anchors(case), circles)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from cases import Case
-from cases.spacing import grid_lines
+from cases.spacing import SAME_LINE, grid_lines
 from fem_reference.mesh.arrays import Floats, MeshArrays, MeshError
 
-# Part of h by which the mesh of a rectangle may miss its sides: grid lines nearer than this are one line.
-SAME_LINE = 2e-3
+# Part of h by which the mesh of a rectangle may miss its sides: both of two lines may have been drawn to one between.
+SIDES_MISSED = 2 * SAME_LINE
 
 
 def rectilinear(x_lines: Floats, y_lines: Floats) -> MeshArrays:
@@ -39,5 +39,5 @@ def _check_sides(case: Case, mesh: MeshArrays, index: int) -> None:
     corners = mesh.points[mesh.cells[mesh.body == index]].reshape(-1, 2)
     sides = np.concatenate(case.bodies[name].bounds())
     reached = np.concatenate([corners.min(axis=0), corners.max(axis=0)]) if len(corners) else np.inf
-    if np.abs(reached - sides).max() > SAME_LINE * case.mesh.h:
+    if np.abs(reached - sides).max() > SIDES_MISSED * case.mesh.h:
         raise MeshError(f'bodies.{name}: its sides fit no grid lines; set mesh.element = "triangle"')

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cases.notches import Segment
 from fem_reference.mesh.arrays import (
     EdgeTable,
-    Floats,
     Integers,
     MeshArrays,
     MeshError,
@@ -25,48 +25,10 @@ from fem_reference.mesh.arrays import (
 ON_SLIT = 1e-3
 
 
-@dataclass(frozen=True)
-class Slit:
-    """A straight slit from `start` to `end` [case length unit]; `name` is its key in the case file."""
-
-    name: str
-    start: tuple[float, float]
-    end: tuple[float, float]
-
-    @property
-    def length(self) -> float:
-        """Distance of the ends [length]."""
-        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
-
-    @property
-    def direction(self) -> Floats:
-        """Unit vector (2,) from start to end."""
-        return (np.asarray(self.end) - np.asarray(self.start)) / self.length
-
-    def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
-        """Distance of points (..., 2) along the slit from its start, and to the left of it."""
-        offset = points - np.asarray(self.start)
-        return offset @ self.direction, cross(self.direction, offset)
-
-    def misplaced(self, remedy: str) -> MeshError:
-        """The error of a slit that the mesh does not follow."""
-        return MeshError(
-            f"{self.name}: the slit from {self.start} to {self.end} does not lie along edges of the mesh; "
-            + remedy
-        )
-
-
-def split_slit(
-    mesh: MeshArrays, start: tuple[float, float], end: tuple[float, float], name: str = "slit"
-) -> MeshArrays:
-    """`mesh` opened along the one slit from `start` to `end`; see `split_slits`."""
-    return split_slits(mesh, [Slit(name, start, end)])
-
-
 def split_slits(
-    mesh: MeshArrays, slits: Sequence[Slit], remedy: str = 'set mesh.element = "triangle"'
+    mesh: MeshArrays, slits: Mapping[str, Segment], remedy: str = 'set mesh.element = "triangle"'
 ) -> MeshArrays:
-    """`mesh` opened along all the slits.
+    """`mesh` opened along all the slits, given by their keys in the case file.
 
     A node on a slit is doubled (or more, where slits cross) when the elements around it fall into groups that
     no edge off the slits connects. So a tip inside the body stays one node and a mouth on the boundary opens.
@@ -77,12 +39,17 @@ def split_slits(
         return mesh
     edges = edge_table(mesh.cells)
     opened = np.zeros(len(edges.ends), dtype=bool)
-    for slit in slits:
-        opened |= _edges_on_slit(mesh, edges, slit, remedy)
+    for key, slit in slits.items():
+        on_slit = _edges_on_slit(mesh, edges, slit)
+        if on_slit is None:
+            raise MeshError(
+                f"{key}: the slit from {slit.start} to {slit.end} does not lie along edges of the mesh; {remedy}"
+            )
+        opened |= on_slit
     return _open_edges(mesh, edges, opened)
 
 
-def cells_cut_by(mesh: MeshArrays, slit: Slit, tolerance: float) -> np.ndarray:
+def cells_cut_by(mesh: MeshArrays, slit: Segment, tolerance: float) -> np.ndarray:
     """Mask (n_elements,) of the elements that the slit cuts over more than `tolerance` [length]."""
     corners = mesh.points[mesh.cells]
     edges = np.roll(corners, -1, axis=1) - corners
@@ -99,8 +66,8 @@ def cells_cut_by(mesh: MeshArrays, slit: Slit, tolerance: float) -> np.ndarray:
     return inside > tolerance
 
 
-def _edges_on_slit(mesh: MeshArrays, edges: EdgeTable, slit: Slit, remedy: str) -> np.ndarray:
-    """Mask of the inner edges that make up the slit, (n_edges,)."""
+def _edges_on_slit(mesh: MeshArrays, edges: EdgeTable, slit: Segment) -> np.ndarray | None:
+    """Mask (n_edges,) of the inner edges that make up the slit; None where the mesh does not follow it."""
     tolerance = ON_SLIT * edge_lengths(mesh.points, mesh.cells).min()
     along, aside = slit.coordinates(mesh.points[edges.ends])
     first, last = along.min(axis=1), along.max(axis=1)
@@ -109,7 +76,7 @@ def _edges_on_slit(mesh: MeshArrays, edges: EdgeTable, slit: Slit, remedy: str) 
     ends_within_edge = on_slit & (covered < last - first - tolerance)
     inner = on_slit & (edges.count > 1)
     if not inner.any() or ends_within_edge.any() or cells_cut_by(mesh, slit, tolerance).any():
-        raise slit.misplaced(remedy)
+        return None
     return inner
 
 

@@ -18,8 +18,8 @@ from netgen.geom2d import SplineGeometry
 from shapely.geometry.base import BaseGeometry
 
 from cases.geometry import Circle, Shape
+from cases.notches import CellsNotch, Segment
 from fem_reference.mesh.arrays import Floats, Integers, MeshArrays, MeshError, signed_areas
-from fem_reference.mesh.slits import Slit
 
 # Netgen takes a size as a wish: inside a region of one wanted size, edges come out up to 1.2 times as long.
 # Asking for this share of the size gives a median edge within a tenth of the size itself.
@@ -119,7 +119,7 @@ class Graph:
 def triangulate(
     outlines: Sequence[BaseGeometry],
     size: SizeField,
-    slits: Sequence[Slit] = (),
+    slits: Sequence[Segment] = (),
     anchors: Sequence[tuple[float, float]] = (),
     circles: Sequence[Circle] = (),
 ) -> MeshArrays:
@@ -130,7 +130,7 @@ def triangulate(
 
     Raises MeshError when netgen cannot fill an outline.
     """
-    graph = _planar_graph(outlines, slits, anchors, size)
+    graph = planar_graph(outlines, slits, anchors, size)
     mesh, segments = _filled(graph, size)
     areas = np.bincount(mesh.body, signed_areas(mesh.points, mesh.cells), len(outlines))
     if not np.allclose(areas, [outline.area for outline in outlines], rtol=1e-6):
@@ -159,19 +159,19 @@ def circles_of(shape: Shape) -> list[Circle]:
     return [shape.disc] if shape.disc else []
 
 
-def notch_outline(slit: Slit, width: float, outline: BaseGeometry) -> BaseGeometry:
-    """The rectangle of that width about the slit; an end on the outline is carried on beyond it.
+def notch_outline(notch: CellsNotch, outline: BaseGeometry) -> BaseGeometry:
+    """The rectangle that the notch leaves out; an end on the outline is carried on beyond it.
 
     Carried on, because a notch that enters an inclined edge squarely would leave a sliver at its mouth.
     """
-    reach = np.outer([-width, width], slit.direction)
-    ends = np.array([slit.start, slit.end])
-    at_mouth = shapely.dwithin(outline.boundary, shapely.points(ends), 1e-6 * width)
+    reach = np.outer([-notch.width, notch.width], notch.direction)
+    ends = np.array([notch.start, notch.end])
+    at_mouth = shapely.dwithin(outline.boundary, shapely.points(ends), 1e-6 * notch.width)
     line = shapely.LineString(ends + np.where(at_mouth[:, None], reach, 0.0))
-    return line.buffer(width / 2.0, cap_style="flat")
+    return line.buffer(notch.width / 2.0, cap_style="flat")
 
 
-def snapped(slit: Slit, outlines: Sequence[BaseGeometry], reach: float) -> Slit:
+def snapped(slit: Segment, outlines: Sequence[BaseGeometry], reach: float) -> Segment:
     """The slit with an end that lies within `reach` [length] of an outline moved onto it."""
 
     def onto(end: tuple[float, float]) -> tuple[float, float]:
@@ -183,7 +183,7 @@ def snapped(slit: Slit, outlines: Sequence[BaseGeometry], reach: float) -> Slit:
         nearest = shapely.shortest_line(boundary, point).coords[0]
         return float(nearest[0]), float(nearest[1])
 
-    return replace(slit, start=onto(slit.start), end=onto(slit.end))
+    return slit.model_copy(update={"start": onto(slit.start), "end": onto(slit.end)})
 
 
 def divided(start: Floats, end: Floats, size: SizeField) -> Floats:
@@ -226,9 +226,9 @@ def _spaced(path: Floats, size: SizeField, least: int) -> Floats:
     return points
 
 
-def _planar_graph(
+def planar_graph(
     outlines: Sequence[BaseGeometry],
-    slits: Sequence[Slit],
+    slits: Sequence[Segment],
     anchors: Sequence[tuple[float, float]],
     size: SizeField,
 ) -> Graph:

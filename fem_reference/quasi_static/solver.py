@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from cases import Case
 from fem_reference.element_basis import ElementBasis
-from fem_reference.quality import scaled_jacobian
 from fem_reference.quasi_static import displacement_kernels as kernels
 from fem_reference.quasi_static.equilibrium import MeshEquilibrium
 from fem_reference.quasi_static.phase_field import MeshPhaseField
 from numerics.costs import Costs
+from numerics.element_quality import scaled_jacobian
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton

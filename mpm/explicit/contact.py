@@ -6,12 +6,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from cases import Case
+from mpm.explicit.body_surface import BodySurface
 from mpm.explicit.moving_body import MovingBody
 
 #: relative round-off allowed in the checks C.1 to C.4
@@ -38,6 +40,30 @@ class Touching:
     opposed: NDArray
 
 
+class ContactSide(NamedTuple):
+    """One body at the nodes (n,) that it shares: their numbers in its window, inverse masses, 0 of a rigid body, and the
+    velocities of all nodes of its window."""
+
+    nodes: NDArray
+    inverse_mass: NDArray
+    vx: NDArray
+    vy: NDArray
+
+
+class Impulses(NamedTuple):
+    """Outcome of a meeting: normal impulses ``pushes`` (n,) at the nodes, ``totals`` of the impulse x, y on the second
+    body and of the work on both, and ``counts`` of nodes as `COUNTERS`."""
+
+    pushes: NDArray
+    totals: NDArray
+    counts: NDArray
+
+    @classmethod
+    def none(cls, n_nodes: int) -> Impulses:
+        """Before bodies meet at nodes."""
+        return cls(np.zeros(n_nodes), np.zeros(3), np.zeros(len(COUNTERS), np.int64))
+
+
 class Contact:
     """All pairs of bodies of a case.
 
@@ -51,6 +77,7 @@ class Contact:
 
     def __init__(self, case: Case, bodies: Sequence[MovingBody]) -> None:
         self._bodies, self._by_distance = bodies, case.contact.by_distance
+        self._surfaces = [BodySurface(body) for body in bodies]
         pairs = combinations(range(len(bodies)), 2)
         self._pairs = [(a, b, case.friction(a, b)) for a, b in pairs if not (bodies[a].rigid and bodies[b].rigid)]
         self._sweeps = 1 if len(bodies) == 2 else SWEEPS
@@ -64,15 +91,15 @@ class Contact:
 
     def warm_up(self) -> None:
         """Compile what contact needs."""
-        for body in self._bodies:
+        for surface in self._surfaces:
             first = np.zeros(1, np.int64)
-            body.find_mass_slopes([first])
-            body.reach(first, np.zeros((2, 1)))
+            surface.find_mass_slopes([first])
+            surface.reach(first, np.zeros((2, 1)))
         a, b = self._bodies[:2]
         shared_nodes(a, b)
         none, nothing = np.zeros(0, np.int64), np.zeros(0)
-        arrays = a.grid.vx, a.grid.vy, b.grid.vx, b.grid.vy, nothing, np.zeros(3), np.zeros(len(COUNTERS), np.int64)
-        meet(none, none, np.zeros((2, 0)), nothing, np.zeros(0, bool), 0.0, nothing, nothing, *arrays)
+        one, two = (ContactSide(none, nothing, *body.window.velocities[2:4]) for body in (a, b))
+        meet(one, two, np.zeros((2, 0)), nothing, np.zeros(0, bool), 0.0, Impulses.none(0))
 
     def detect(self) -> None:
         """Nodes with mass of two bodies (Remark 1), their collinear normals (6.34) and the gaps there."""
@@ -82,15 +109,15 @@ class Contact:
             if nodes.shape[1]:
                 found.append((a, b, friction, nodes))
         for number in {n for a, b, _, _ in found for n in (a, b)}:
-            body = self._bodies[number]
-            body.find_mass_slopes([nodes[int(number == b)] for a, b, _, nodes in found if number in (a, b)])
+            own = [nodes[int(number == b)] for a, b, _, nodes in found if number in (a, b)]
+            self._surfaces[number].find_mass_slopes(own)
         self._touching = [(a, b, mu, touching) for a, b, mu, nodes in found if (touching := self._touch(a, b, nodes))]
 
     def _touch(self, a: int, b: int, nodes: NDArray) -> Touching | None:
-        first, second = self._bodies[a], self._bodies[b]
+        first, second = self._surfaces[a], self._surfaces[b]
         own_first, own_second = first.outward_normals(nodes[0]), second.outward_normals(nodes[1])
         # the corners of a soft body are rounded on the grid: where one is rigid, its normal holds
-        normal = (not second.rigid) * own_first - (not first.rigid) * own_second
+        normal = (not second.body.rigid) * own_first - (not first.body.rigid) * own_second
         length = np.hypot(*normal)
         opposed = (own_first * own_second).sum(axis=0) <= 0.0
         kept = length > SHORTEST_NORMAL
@@ -113,14 +140,14 @@ class Contact:
 
     def _meet(self, a: int, b: int, friction: float, touching: Touching, step: float) -> None:
         first, second = self._bodies[a], self._bodies[b]
-        pushes, totals, counts = np.zeros(touching.nodes.shape[1]), np.zeros(3), np.zeros(len(COUNTERS), np.int64)
+        impulses = Impulses.none(touching.nodes.shape[1])
         meet(
-            touching.nodes[0], touching.nodes[1], touching.normal, np.maximum(touching.gap, 0.0) / step, touching.opposed,
-            friction, first.inverse_mass(touching.nodes[0]), second.inverse_mass(touching.nodes[1]),
-            first.grid.vx, first.grid.vy, second.grid.vx, second.grid.vy, pushes, totals, counts,
+            self._side(a, touching.nodes[0]), self._side(b, touching.nodes[1]), touching.normal,
+            np.maximum(touching.gap, 0.0) / step, touching.opposed, friction, impulses,
         )  # fmt: skip
+        pushes, totals, counts = impulses
         if first.rigid or second.rigid:
-            columns = first.corner[0] + touching.nodes[0] // first.width
+            columns = first.window.corner[0] + touching.nodes[0] // first.window.width
             for column, push in zip(columns.tolist(), pushes.tolist(), strict=True):
                 self._floor_load[column] = self._floor_load.get(column, 0.0) + push
         self.impulse[a] -= totals[:2]
@@ -131,6 +158,10 @@ class Contact:
                 self.work_of_rigid += sign * float(totals[:2] @ body.rigid_velocity)
         for name, count in zip(COUNTERS, counts, strict=True):
             self.violations[name] += int(count)
+
+    def _side(self, number: int, nodes: NDArray) -> ContactSide:
+        velocities = self._bodies[number].window.velocities
+        return ContactSide(nodes, self._surfaces[number].inverse_mass(nodes), velocities.vx, velocities.vy)
 
     def begin_record(self) -> None:
         """Keep the loads on rigid bodies since the last record apart."""
@@ -168,7 +199,7 @@ class Contact:
 
     def _check_impenetrability(self, a: int, b: int, touching: Touching, step: float) -> None:
         """C.3 once more: another pair may have pushed this one together again."""
-        first, second = self._bodies[a].grid, self._bodies[b].grid
+        first, second = self._bodies[a].window.velocities, self._bodies[b].window.velocities
         ia, ib = touching.nodes
         relative = np.array([first.vx[ia] - second.vx[ib], first.vy[ia] - second.vy[ib]])
         approach = (relative * touching.normal).sum(axis=0)
@@ -179,13 +210,14 @@ class Contact:
 
 def shared_nodes(first: MovingBody, second: MovingBody) -> NDArray:
     """Nodes (2, n) at which both bodies have mass, numbered in each one's window."""
-    corner = np.maximum(first.corner, second.corner)
-    end = np.minimum(first.corner + first.shape, second.corner + second.shape)
+    one, two = first.window, second.window
+    corner = np.maximum(one.corner, two.corner)
+    end = np.minimum(one.corner + one.shape, two.corner + two.shape)
     if (end <= corner).any():
         return np.zeros((2, 0), np.int64)
-    (ia, ja), (ib, jb) = corner - first.corner, corner - second.corner
+    (ia, ja), (ib, jb) = corner - one.corner, corner - two.corner
     extent = end - corner
-    return _shared(first.grid.m, first.width, ia, ja, second.grid.m, second.width, ib, jb, extent[0], extent[1])
+    return _shared(one.sums.m, one.width, ia, ja, two.sums.m, two.width, ib, jb, extent[0], extent[1])
 
 
 @njit(cache=True)
@@ -202,15 +234,14 @@ def _shared(mass_a, width_a, ia, ja, mass_b, width_b, ib, jb, n_x, n_y):
 
 
 @njit(cache=True)
-def meet(
-    nodes_a, nodes_b, normal, allowed, opposed, friction, inverse_a, inverse_b, vxa, vya, vxb, vyb, pushes, totals, counts
-):
+def meet(first, second, normal, allowed, opposed, friction, impulses):
     """Impulses between two bodies at their shared nodes, and the checks of Algorithm 3.
 
-    ``allowed`` (n,) is the normal speed at which the gap closes within the step; ``inverse_a, inverse_b`` (n,) are
-    inverse masses, 0 of a rigid body. ``pushes`` (n,): normal impulses;
-    ``totals``: impulse x, y on the second body and the work on both; ``counts``: as `COUNTERS`.
+    ``first, second`` : `ContactSide`. ``allowed`` (n,) is the normal speed at which the gap closes within the step.
     """
+    nodes_a, inverse_a, vxa, vya = first
+    nodes_b, inverse_b, vxb, vyb = second
+    pushes, totals, counts = impulses
     for n in range(len(nodes_a)):
         a, b, nx, ny = nodes_a[n], nodes_b[n], normal[0, n], normal[1, n]
         rx, ry = vxa[a] - vxb[b], vya[a] - vyb[b]

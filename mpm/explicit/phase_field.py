@@ -11,10 +11,11 @@ from scipy.ndimage import binary_dilation
 from cases import Case
 from mpm.explicit import phase_field_kernels
 from mpm.explicit.moving_body import MovingBody
+from mpm.explicit.phase_field_kernels import CellEquations, NodalPhaseField, PhaseFieldLaw
 from numerics.costs import Costs
 from numerics.phase_field_window import BLOCK, RESIDUAL, RINGS, SMOOTH_RESIDUAL, conjugate_gradients, fold, row_products
 from physics.elasticity import MaterialTable
-from physics.phase_field import BROKEN, PhaseFieldCoefficients
+from physics.phase_field import PhaseFieldCoefficients
 
 #: cells that a point may stray before the nodal phase field at its place is found anew, at order 4
 STRAY = 0.05
@@ -39,18 +40,18 @@ class PointPhaseField:
         self._body, self._costs, self._tolerance = body, costs, case.staggered.tolerance
         materials = MaterialTable(case)
         of_body = PhaseFieldCoefficients(materials, np.array([number]))
-        self._drive, self._resistance = float(of_body.drive[0]), float(of_body.resistance[0])
-        self._largest_history = LARGEST_DRIVE * self._resistance / self._drive
-        self._diffusion, self._toughness = float(of_body.diffusion[0]), float(of_body.toughness[0])
-        self._length_scale = float(of_body.length_scale[0])
-        self._bending, self._operator = float(of_body.bending[0]), materials.curvature[number]
-        self._block = max(1, round(BLOCK * self._length_scale / body.h))
+        self._law = PhaseFieldLaw(
+            float(of_body.drive[0]), float(of_body.resistance[0]), float(of_body.diffusion[0]), float(of_body.bending[0]),
+            float(of_body.toughness[0]), float(of_body.length_scale[0]), materials.curvature[number],
+        )  # fmt: skip
+        self._block = max(1, round(BLOCK * self._law.length_scale / body.lattice.h))
         self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
         self._nodal = np.ones(0)
 
     def solve(self, now: float, everywhere: bool = False) -> None:
-        """Write the body's ``points.c`` for its ``points.history``, at the points' present places."""
-        history = np.minimum(self._body.points.history, self._largest_history)
+        """Write the phase field of the body's points for their history field, at their present places."""
+        largest = LARGEST_DRIVE * self._law.resistance / self._law.drive
+        history = np.minimum(self._body.points.crack.history, largest)
         marked = self._changing_blocks(history)
         marked[:] |= everywhere
         if not marked.any():
@@ -62,35 +63,34 @@ class PointPhaseField:
         self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
         inside = np.zeros(len(self._nodal), bool)
         inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS))] = True
-        body, p = self._body, self._body.points
-        phase_field_kernels.to_points(
-            body.order, body.strips, p.x, p.y, 1.0 / body.h, body.width, inside, self._nodal, history, self._toughness,
-            self._length_scale, now, BROKEN, p.c, p.crack_energy, p.solved_for, p.broken_at,
-        )  # fmt: skip
-        if self._bending:
-            phase_field_kernels.add_curvature_energy(
-                body.order, body.strips, p.x, p.y, p.turn, self._operator, 0.5 * self._bending, 1.0 / body.h, body.width,
-                inside, self._nodal, p.crack_energy,
-            )  # fmt: skip
-            found = inside[p.x.astype(int) * body.width + p.y.astype(int)]
-            p.stray_x[found], p.stray_y[found] = 0.0, 0.0
+        nodal = NodalPhaseField(self._body.window.width, inside, self._nodal)
+        self._map_to_points(nodal, history, now)
+
+    def _map_to_points(self, nodal: NodalPhaseField, history: NDArray, now: float) -> None:
+        order, strips, over_h = self._body.lattice.order, self._body.window.strips, 1.0 / self._body.lattice.h
+        p, law = self._body.points, self._law
+        phase_field_kernels.to_points(order, strips, p.motion, history, law, over_h, nodal, now, p.crack)
+        if law.bending:
+            phase_field_kernels.add_curvature_energy(order, strips, p.motion, p.axes, law, over_h, nodal, p.crack.energy)
+            found = nodal.inside[p.motion.x.astype(int) * nodal.width + p.motion.y.astype(int)]
+            p.axes.stray_x[found], p.axes.stray_y[found] = 0.0, 0.0
 
     def _changing_blocks(self, history: NDArray) -> NDArray:
-        body, p = self._body, self._body.points
-        shape = -(-body.shape // self._block)
-        marked = np.zeros(shape, bool)
+        window, p = self._body.window, self._body.points
+        marked = np.zeros(-(-window.shape // self._block), bool)
         phase_field_kernels.mark_changing(
-            body.strips, p.x, p.y, history, p.solved_for, p.c, self._drive, self._resistance, self._tolerance,
-            self._block, shape[1], marked.reshape(-1),
-        )  # fmt: skip
-        if self._bending:
-            strayed = (p.c < 1.0 - self._tolerance) & (np.maximum(np.abs(p.stray_x), np.abs(p.stray_y)) > STRAY)
-            marked[p.x[strayed].astype(int) // self._block, p.y[strayed].astype(int) // self._block] = True
+            window.strips, p.motion, p.crack, history, self._law, self._tolerance, self._block, marked
+        )
+        if self._law.bending:
+            far = np.maximum(np.abs(p.axes.stray_x), np.abs(p.axes.stray_y)) > STRAY
+            strayed = (p.crack.c < 1.0 - self._tolerance) & far
+            x, y = p.motion.x[strayed].astype(int), p.motion.y[strayed].astype(int)
+            marked[x // self._block, y // self._block] = True
         return marked
 
     def _keep_nodes(self) -> None:
         """Take the nodal values along when the body's window of the lattice has moved."""
-        corner, shape = self._body.corner, self._body.shape
+        corner, shape = self._body.window.corner, self._body.window.shape
         old_corner, old_shape = self._window
         if np.array_equal(corner, old_corner) and np.array_equal(shape, old_shape):
             return
@@ -103,7 +103,7 @@ class PointPhaseField:
 
     def _cells_of(self, blocks: NDArray) -> NDArray:
         """Cells (m,) of the marked blocks, as numbers of their first nodes."""
-        order, shape = self._body.order, self._body.shape
+        order, shape = self._body.lattice.order, self._body.window.shape
         mask = np.repeat(np.repeat(blocks, self._block, axis=0), self._block, axis=1)
         mask = mask[: shape[0] - order, : shape[1] - order]
         i, j = np.nonzero(mask)
@@ -111,20 +111,19 @@ class PointPhaseField:
 
     def _solve_on(self, cells: NDArray, history: NDArray) -> int:
         """Find the nodal phase field on cells; returns the number of iterations."""
-        body, p = self._body, self._body.points
-        k, width = body.order + 1, body.width
+        order, h, window, p = self._body.lattice.order, self._body.lattice.h, self._body.window, self._body.points
+        k, width = order + 1, window.width
         number = np.full(len(self._nodal), -1, np.int32)
         number[cells] = np.arange(len(cells), dtype=np.int32)
         local, right_side = np.zeros((len(cells), k * k * (k * k + 1) // 2)), np.zeros((len(cells), k * k))
-        phase_field_kernels.cell_equations(
-            body.order, body.strips, p.x, p.y, p.volume, history, self._drive, self._resistance, self._diffusion,
-            1.0 / body.h, width, number, local, right_side,
-        )  # fmt: skip
-        if self._bending:
+        equations = CellEquations(width, number, local, right_side)
+        phase_field_kernels.add_points(
+            order, window.strips, p.motion, p.matter, history, self._law, 1.0 / h, equations
+        )
+        if self._law.bending:
             phase_field_kernels.add_curvature_terms(
-                body.order, body.strips, p.x, p.y, p.volume, p.turn, self._operator, self._bending, 1.0 / body.h, width,
-                number, local,
-            )  # fmt: skip
+                order, window.strips, p.motion, p.matter, p.axes, self._law, 1.0 / h, equations
+            )
         offsets = (np.arange(k)[:, None] * width + np.arange(k)).ravel()
         nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)
         return self._solve_rows(number, nodes_of_cells, local, right_side)
@@ -132,13 +131,13 @@ class PointPhaseField:
     def _held(self, number: NDArray) -> NDArray:
         """Nodes (n_nodes,) that keep their value: at order 4, those of points in cells outside the window."""
         body, held = self._body, np.zeros(len(self._nodal), bool)
-        if self._bending:
-            phase_field_kernels.mark_outside(body.order, body.points.x, body.points.y, body.width, number, held)
+        if self._law.bending:
+            phase_field_kernels.mark_outside(body.lattice.order, body.points.motion, body.window.width, number, held)
         return held
 
     def _solve_rows(self, number: NDArray, nodes_of_cells: NDArray, local: NDArray, parts: NDArray) -> int:
         """Each row couples a node with those up to ``order`` away in both directions."""
-        order, width = self._body.order, self._body.width
+        order, width = self._body.lattice.order, self._body.window.width
         used = np.zeros(len(self._nodal), bool)
         used[nodes_of_cells.ravel()] = True
         used[self._held(number)] = False
@@ -157,7 +156,7 @@ class PointPhaseField:
         sources = right_side[:-1]
         correction, iterations = conjugate_gradients(
             neighbours, values[:-1], diagonal, sources - product, sources,
-            SMOOTH_RESIDUAL if self._bending else RESIDUAL,
+            SMOOTH_RESIDUAL if self._law.bending else RESIDUAL,
         )
         self._nodal[nodes] += correction
         return iterations
@@ -165,14 +164,14 @@ class PointPhaseField:
     @property
     def _slots(self) -> NDArray:
         """Entry (1, k², k²) of a node's row in which another node of the cell stands."""
-        order = self._body.order
+        order = self._body.lattice.order
         across, up = (place.ravel() for place in np.indices((order + 1, order + 1)))
         away = across - across[:, None] + order, up - up[:, None] + order
         return (away[0] * (2 * order + 1) + away[1])[None]
 
     def fracture_energy(self) -> float:
         """Energy of the body's cracks [energy] (Eq. 2.49)."""
-        return float((self._body.points.crack_energy * self._body.points.volume).sum())
+        return float((self._body.points.crack.energy * self._body.points.matter.volume).sum())
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Where the next solution starts from."""

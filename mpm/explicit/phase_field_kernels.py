@@ -1,22 +1,61 @@
 """Compiled loops of the phase field of points on a uniform grid, for splines of any order.
 
-Arguments are named as in ``explicit_kernels``; ``number`` (n_cells,) tells which cells of the body's window take part and
-how they are counted, -1 for the others. Strips of one colour share no cell, so that threads need no atomics.
+Strips of one colour share no cell, so that threads need no atomics. ``strips`` and the groups of a body's ``Points`` are
+those of ``mpm.explicit.transfers``; ``over_h`` is one over the spacing.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
-from mpm.explicit.kernels import _basis, _second_derivatives
+from mpm.explicit.cell_splines import basis, second_derivatives
+from physics.phase_field import breaks_now, crack_density, expected_change
+
+
+class PhaseFieldLaw(NamedTuple):
+    """Coefficients of a body's phase field (`PhaseFieldCoefficients`); ``operator`` (3, 3) takes second derivatives in
+    its axes before it turned to ones whose squares add up to the quadratic form of gamma."""
+
+    drive: float
+    resistance: float
+    diffusion: float
+    bending: float
+    toughness: float
+    length_scale: float
+    operator: NDArray
+
+
+class CellEquations(NamedTuple):
+    """Upper halves (m, n (n + 1) / 2) of Eq. 4.17 and its right sides (m, n), n = (order + 1)² nodes a cell.
+
+    ``number`` (n_cells,) tells which cells of the window take part and how they are counted, -1 for the others; ``width``
+    is that of the window in nodes.
+    """
+
+    width: int
+    number: NDArray
+    local: NDArray
+    right_side: NDArray
+
+
+class NodalPhaseField(NamedTuple):
+    """Phase field (n_nodes,) of a window of ``width`` nodes in y; ``inside`` (n_cells,) are cells where it was found."""
+
+    width: int
+    inside: NDArray
+    values: NDArray
 
 
 @njit(cache=True, parallel=True)
-def cell_equations(
-    order, strips, x, y, volume, history, drive, resistance, diffusion, over_h, width, number, local, right_side
-):
-    """Upper halves (m, n (n + 1) / 2) of Eq. 4.17 and its right sides (m, n), n = k² nodes a cell."""
+def add_points(order, strips, motion, matter, history, law, over_h, equations):
+    """Sum up the equations over the points without the fourth-order term; ``history`` (n,) is their history field."""
+    x, y, volume = motion.x, motion.y, matter.volume
+    drive, resistance, diffusion = law.drive, law.resistance, law.diffusion
+    width, number, local, right_side = equations
     k = order + 1
     for colour in range(2):
         for half in prange((len(strips) - colour) // 2):
@@ -28,8 +67,8 @@ def cell_equations(
                 cell = number[i * width + j]
                 if cell < 0:
                     continue
-                _basis(k, x[p] - i, wx, dx)
-                _basis(k, y[p] - j, wy, dy)
+                basis(k, x[p] - i, wx, dx)
+                basis(k, y[p] - j, wy, dy)
                 for a in range(k):
                     for b in range(k):
                         value[a * k + b] = wx[a] * wy[b]
@@ -47,11 +86,12 @@ def cell_equations(
 
 
 @njit(cache=True, parallel=True)
-def to_points(
-    order, strips, x, y, over_h, width, inside, nodal, history, toughness, length_scale, now, broken_below,
-    c, density, solved_for, broken_at,
-):  # fmt: skip
-    """Phase field and surface energy density (Eq. 2.46) of the points in the marked cells."""
+def to_points(order, strips, motion, history, law, over_h, nodal, now, crack):
+    """Phase field, energy of cracks (Eq. 2.46) and time of breaking of the points in the cells inside."""
+    x, y = motion.x, motion.y
+    c, energy, solved_for, broken_at = crack.c, crack.energy, crack.solved_for, crack.broken_at
+    toughness, length_scale = law.toughness, law.length_scale
+    width, inside, values = nodal
     k = order + 1
     for strip in prange(len(strips) - 1):
         wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
@@ -59,47 +99,48 @@ def to_points(
             i, j = int(x[p]), int(y[p])
             if not inside[i * width + j]:
                 continue
-            _basis(k, x[p] - i, wx, dx)
-            _basis(k, y[p] - j, wy, dy)
+            basis(k, x[p] - i, wx, dx)
+            basis(k, y[p] - j, wy, dy)
             value = cx = cy = 0.0
             for a in range(k):
                 first = (i + a) * width + j
                 for b in range(k):
-                    value += wx[a] * wy[b] * nodal[first + b]
-                    cx += dx[a] * wy[b] * nodal[first + b]
-                    cy += wx[a] * dy[b] * nodal[first + b]
+                    value += wx[a] * wy[b] * values[first + b]
+                    cx += dx[a] * wy[b] * values[first + b]
+                    cy += wx[a] * dy[b] * values[first + b]
             c[p] = value
             squared = (cx * cx + cy * cy) * over_h * over_h
-            density[p] = toughness * ((value - 1.0) ** 2 / (4.0 * length_scale) + length_scale * squared)
+            energy[p] = toughness * crack_density(value, squared, length_scale)
             solved_for[p] = history[p]
-            if value < broken_below and not broken_at[p] <= now:
+            if breaks_now(value, broken_at[p]):
                 broken_at[p] = now
 
 
 @njit(cache=True, parallel=True)
-def mark_changing(strips, x, y, history, solved_for, c, drive, resistance, tolerance, block, blocks_in_y, marked):
-    """Mark the blocks of ``block`` x ``block`` cells that hold a point whose phase field would change by more."""
+def mark_changing(strips, motion, crack, history, law, tolerance, block, marked):
+    """Mark the blocks (n_x, n_y) of ``block`` x ``block`` cells that hold a point whose phase field would change by more
+    than the tolerance."""
+    x, y, c, solved_for, drive, resistance = motion.x, motion.y, crack.c, crack.solved_for, law.drive, law.resistance
     for strip in prange(len(strips) - 1):
         for p in range(strips[strip], strips[strip + 1]):
-            # the time step is short: most points have not met a larger energy
-            rise = drive * abs(history[p] - solved_for[p])
-            if rise * c[p] > tolerance * (drive * history[p] + resistance):
-                marked[(int(x[p]) // block) * blocks_in_y + int(y[p]) // block] = True
+            if expected_change(c[p], history[p], solved_for[p], drive, resistance) > tolerance:
+                marked[int(x[p]) // block, int(y[p]) // block] = True
 
 
 @njit(inline="always")
-def _curvatures(order, x, y, over_h, operator, turn, wx, dx, bx, wy, dy, by, form, bend):
-    """Second derivatives ``bend`` (n, 3) of a cell's functions whose squares add up to the quadratic form of gamma.
+def _curvatures(order, x, y, over_h, operator, turn, splines, form, bend):
+    """Second derivatives ``bend`` (k², 3) of a cell's functions whose squares add up to the quadratic form of gamma.
 
-    operator : (3, 3) of the body before it turned. turn : of the material since then [radian]. form : (3, 3), where the
-    operator in present axes is put.
+    ``turn`` is that of the material since the operator was its own [radian]. Room is needed for the ``splines`` (6, k),
+    their values, slopes and second derivatives in both directions, and for ``form`` (3, 3), the operator in present axes.
     """
+    wx, dx, bx, wy, dy, by = splines[0], splines[1], splines[2], splines[3], splines[4], splines[5]
     k = order + 1
     xi, eta = x - int(x), y - int(y)
-    _basis(k, xi, wx, dx)
-    _basis(k, eta, wy, dy)
-    _second_derivatives(k, xi, bx)
-    _second_derivatives(k, eta, by)
+    basis(k, xi, wx, dx)
+    basis(k, eta, wy, dy)
+    second_derivatives(k, xi, bx)
+    second_derivatives(k, eta, by)
     c, s = np.cos(turn), np.sin(turn)
     square = over_h * over_h
     for i in range(3):
@@ -115,19 +156,20 @@ def _curvatures(order, x, y, over_h, operator, turn, wx, dx, bx, wy, dy, by, for
 
 
 @njit(cache=True, parallel=True)
-def add_curvature_terms(order, strips, x, y, volume, turn, operator, bending, over_h, width, number, local):
-    """Add the fourth-order term of Eq. 5.37 to the matrices of ``cell_equations``; ``bending`` is 2 Gc l0³."""
+def add_curvature_terms(order, strips, motion, matter, axes, law, over_h, equations):
+    """Add the fourth-order term of Eq. 5.37 to the equations."""
+    x, y, volume, turn, operator, bending = motion.x, motion.y, matter.volume, axes.turn, law.operator, law.bending
+    width, number, local = equations.width, equations.number, equations.local
     k = order + 1
     for colour in range(2):
         for half in prange((len(strips) - colour) // 2):
             strip = 2 * half + colour
-            wx, dx, bx, wy, dy, by = np.empty(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-            form, bend = np.empty((3, 3)), np.empty((k * k, 3))
+            splines, form, bend = np.empty((6, k)), np.empty((3, 3)), np.empty((k * k, 3))
             for p in range(strips[strip], strips[strip + 1]):
                 cell = number[int(x[p]) * width + int(y[p])]
                 if cell < 0:
                     continue
-                _curvatures(order, x[p], y[p], over_h, operator, turn[p], wx, dx, bx, wy, dy, by, form, bend)
+                _curvatures(order, x[p], y[p], over_h, operator, turn[p], splines, form, bend)
                 weight = bending * volume[p]
                 entry = 0
                 for a in range(k * k):
@@ -138,30 +180,32 @@ def add_curvature_terms(order, strips, x, y, volume, turn, operator, bending, ov
 
 
 @njit(cache=True, parallel=True)
-def add_curvature_energy(order, strips, x, y, turn, operator, factor, over_h, width, inside, nodal, density):
-    """Add the fourth-order term of Eq. 5.3 to the densities of ``to_points``; ``factor`` is Gc l0³."""
+def add_curvature_energy(order, strips, motion, axes, law, over_h, nodal, energy):
+    """Add the fourth-order term of Eq. 5.3 to the points' energy of cracks."""
+    x, y, turn, operator, factor = motion.x, motion.y, axes.turn, law.operator, 0.5 * law.bending
+    width, inside, values = nodal
     k = order + 1
     for strip in prange(len(strips) - 1):
-        wx, dx, bx, wy, dy, by = np.empty(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-        form, bend = np.empty((3, 3)), np.empty((k * k, 3))
+        splines, form, bend = np.empty((6, k)), np.empty((3, 3)), np.empty((k * k, 3))
         for p in range(strips[strip], strips[strip + 1]):
             node = int(x[p]) * width + int(y[p])
             if not inside[node]:
                 continue
-            _curvatures(order, x[p], y[p], over_h, operator, turn[p], wx, dx, bx, wy, dy, by, form, bend)
+            _curvatures(order, x[p], y[p], over_h, operator, turn[p], splines, form, bend)
             one = two = three = 0.0
             for a in range(k):
                 for b in range(k):
-                    c = nodal[node + a * width + b]
+                    c = values[node + a * width + b]
                     one += bend[a * k + b, 0] * c
                     two += bend[a * k + b, 1] * c
                     three += bend[a * k + b, 2] * c
-            density[p] += factor * (one * one + two * two + three * three)
+            energy[p] += factor * (one * one + two * two + three * three)
 
 
 @njit(cache=True)
-def mark_outside(order, x, y, width, number, held):
+def mark_outside(order, motion, width, number, held):
     """Mark the nodes of points whose cell takes no part."""
+    x, y = motion.x, motion.y
     for p in range(len(x)):
         cell = int(x[p]) * width + int(y[p])
         if number[cell] < 0:

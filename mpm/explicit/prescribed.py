@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.boundaries import BoundarySet
-from cases.dynamics import Traction
-from mpm.explicit.kernels import spline_values
+from cases.loading import Traction
+from mpm.explicit.cell_splines import spline_values
 from mpm.explicit.moving_body import MovingBody
+from mpm.explicit.window import GridWindow
 from mpm.grid import GridError
 from mpm.placement import PointCloud
 from mpm.quasi_static.constraints import DIRECTIONS, PointsOn
+from numerics.explicit import BlewUpError
 
 #: normal direction (0 for x, 1 for y) and corner of the bounding box of each edge
 EDGE_NORMALS = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
@@ -28,14 +30,16 @@ class HeldLine:
 
     On the line the velocity is a sum over the nodes across it, the same one for each row of nodes along it. Each row
     is corrected by the impulse that meets the prescribed velocity with the least change of kinetic energy: splines
-    need not interpolate, and the line need not be one of the grid.
+    need not interpolate, and the line need not be one of the grid. The line goes with the prescribed velocity and stays
+    where it is in the direction that is free: a body that leaves it there can no longer be held.
 
     Attributes
     ----------
-    normal : direction across. place : coordinate there at the start [length]. low, high : extent along the line.
-    component, velocity : what is prescribed [length/time].
+    name : of the constraint. normal : direction across. place : coordinate there at the start [length].
+    low, high : extent along the line. component, velocity : what is prescribed [length/time].
     """
 
+    name: str
     body: MovingBody
     normal: int
     place: float
@@ -45,30 +49,41 @@ class HeldLine:
     velocity: float
 
     def apply(self, now: float) -> float:
-        """Correct the nodes' velocities at a time; the impulse on the body along the component [force time]."""
-        body = self.body
+        """Correct the nodes' velocities at a time; the impulse on the body along the component [force time].
+
+        Raises BlewUpError where none of the body is left on the line.
+        """
+        body, window, order = self.body, self.body.window, self.body.lattice.order
         moved = self.velocity * now if self.component == self.normal else 0.0
-        across = (self.place + moved - body.origin[self.normal]) / body.h - body.corner[self.normal]
+        across = (self.place + moved - body.lattice.origin[self.normal]) / body.lattice.h - window.corner[self.normal]
         cell = int(np.floor(across + 1e-9))
-        if not 0 <= cell <= body.shape[self.normal] - 1 - body.order:
-            return 0.0
-        value = spline_values(body.order, across - cell)
-        along = 1 - self.normal
-        places = body.origin[along] + body.h * (
-            body.corner[along] + np.arange(body.shape[along]) - 0.5 * (body.order - 1)
-        )
-        slack = (0.5 * body.order + 1e-9) * body.h
-        rows = np.flatnonzero((places >= self.low - slack) & (places <= self.high + slack))
-        steps = (body.width, 1)
-        first = rows * steps[along] + cell * steps[self.normal]
-        velocity = body.grid.vx if self.component == 0 else body.grid.vy
-        return hold(first, steps[self.normal], value, body.grid.m, velocity, self.velocity)
+        held, impulse = False, 0.0
+        if 0 <= cell <= window.shape[self.normal] - 1 - order:
+            strides = (window.width, 1)
+            first = self._rows() * strides[1 - self.normal] + cell * strides[self.normal]
+            velocity = window.velocities.vx if self.component == 0 else window.velocities.vy
+            value = spline_values(order, across - cell)
+            held, impulse = hold(first, strides[self.normal], value, window.sums.m, velocity, self.velocity)
+        if not held:
+            raise BlewUpError(
+                f"none of body '{body.name}' is left on the line of {self.name}; hold its other direction too, or make"
+                " dynamics.end_time earlier"
+            )
+        return impulse
+
+    def _rows(self) -> NDArray:
+        """Numbers (n,) of the nodes along the line, from the window's first."""
+        along, lattice = 1 - self.normal, self.body.lattice
+        number = self.body.window.corner[along] + np.arange(self.body.window.shape[along])
+        places = lattice.origin[along] + lattice.h * (number - 0.5 * (lattice.order - 1))
+        slack = (0.5 * lattice.order + 1e-9) * lattice.h
+        return np.flatnonzero((places >= self.low - slack) & (places <= self.high + slack))
 
 
 @njit(cache=True)
 def hold(first, stride, weights, mass, velocity, target):
-    """Give each row of nodes the weighted velocity ``target``; returns the sum of the impulses."""
-    total = 0.0
+    """Give each row of nodes the weighted velocity ``target``; returns whether any has mass, and the sum of impulses."""
+    any_mass, total = False, 0.0
     for start in first:
         present, flexibility = 0.0, 0.0
         for a in range(len(weights)):
@@ -77,57 +92,98 @@ def hold(first, stride, weights, mass, velocity, target):
                 present += weights[a] * velocity[node]
                 flexibility += weights[a] * weights[a] / mass[node]
         if flexibility > 0.0:
+            any_mass = True
             impulse = (target - present) / flexibility
             for a in range(len(weights)):
                 node = start + a * stride
                 if mass[node] > 0.0:
                     velocity[node] += impulse * weights[a] / mass[node]
                     total += impulse * weights[a]
-    return total
+    return any_mass, total
 
 
 def held_lines(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> list[HeldLine]:
-    """The constraints of a case on its moving bodies."""
+    """The constraints of a case on its moving bodies; GridError for one that holds nothing."""
     select = PointsOn(case, cloud, at_edges=True)
     lines = []
     for number, constraint in enumerate(case.constraints):
+        name = f"constraints[{number}].on = '{constraint.on}'"
         if constraint.direction == "phase":
             raise GridError(
                 f"{case.source}: constraints[{number}].direction = 'phase': explicit material points hold no phase field;"
                 ' remove it, draw a notch of kind = "history", or run the case with solver = "fem".'
             )
-        boundary = case.boundaries[constraint.on]
         component, velocity = DIRECTIONS[constraint.direction], constraint.velocity or 0.0
-        places, _ = select(boundary)
-        held = set(np.unique(cloud.body[places]).tolist())
-        if not held:
-            raise GridError(f"{case.source}: boundaries.{constraint.on}: no body reaches it; move it onto a body.")
-        for normal, place, low, high in _lines_of(case, boundary, number):
+        for line, (normal, place, low, high) in _lines_of(case, case.boundaries[constraint.on], name):
+            places, _ = select(line)
+            reached = [bodies[n] for n in np.unique(cloud.body[places])]
+            if not reached:
+                raise GridError(f"{case.source}: {name}: no body reaches it; move it onto a body.")
+            if all(body.rigid for body in reached):
+                raise GridError(
+                    f"{case.source}: {name}: it holds rigid bodies alone, which keep their velocity anyway; remove it, or"
+                    " move it onto another body."
+                )
             lines += [
-                HeldLine(body, normal, place, low, high, component, velocity)
-                for n, body in enumerate(bodies)
-                if n in held and not body.rigid
+                HeldLine(name, body, normal, place, low, high, component, velocity)
+                for body in reached
+                if not body.rigid
             ]
     return lines
 
 
-def _lines_of(case: Case, boundary: BoundarySet, number: int) -> list[tuple[int, float, float, float]]:
-    """Normal direction, place and extent of the straight lines of a boundary set."""
+def _lines_of(
+    case: Case, boundary: BoundarySet, name: str
+) -> Iterator[tuple[BoundarySet, tuple[int, float, float, float]]]:
+    """The straight lines of a boundary set, each with its normal direction, place and extent."""
     edges = boundary.edges or ((boundary.edge,) if boundary.edge else ())
+    box = case.bounding_box()
+    for edge in edges:
+        normal, corner = EDGE_NORMALS[edge]
+        of_edge = boundary.model_copy(update={"edge": edge, "edges": None})
+        yield of_edge, (normal, float(box[corner][normal]), -np.inf, np.inf)
     if edges:
-        box = case.bounding_box()
-        normals = [EDGE_NORMALS[edge] for edge in edges]
-        return [(normal, float(box[corner][normal]), -np.inf, np.inf) for normal, corner in normals]
+        return
     if boundary.box:
         lower, upper = np.array(boundary.box.lower), np.array(boundary.box.upper)
         flat = np.flatnonzero(upper - lower <= 1e-9 * case.mesh.h)
         if len(flat) == 1:
             normal = int(flat[0])
-            return [(normal, float(lower[normal]), float(lower[1 - normal]), float(upper[1 - normal]))]
+            yield boundary, (normal, float(lower[normal]), float(lower[1 - normal]), float(upper[1 - normal]))
+            return
     raise GridError(
-        f"{case.source}: constraints[{number}].on: explicit material points are held along edges and flat boxes;"
-        " choose one, or make the body rigid."
+        f"{case.source}: {name}: explicit material points are held along edges and flat boxes; choose one, or make the"
+        " body rigid."
     )
+
+
+@dataclass
+class LoadedPoints:
+    """Points of a body, by their numbers (n,), with an edge of an area (n,) on which a traction acts."""
+
+    body: MovingBody
+    traction: Traction
+    numbers: NDArray
+    area: NDArray
+    _places: NDArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    _sorted_in: GridWindow | None = None
+
+    def places(self) -> NDArray:
+        """Present indices (n,) of the points; they change when the body is sorted into another window."""
+        if self._sorted_in is not self.body.window:
+            number = self.body.points.number
+            by_number = np.argsort(number)
+            self._places = by_number[np.searchsorted(number[by_number], self.numbers)]
+            self._sorted_in = self.body.window
+        return self._places
+
+    def spread(self, now: float) -> None:
+        """Add the forces at a time to those of the nodes."""
+        body, motion, chosen = self.body, self.body.points.motion, self.places()
+        fx, fy = (self.traction.share(now) * value * self.area for value in self.traction.value)
+        # not at their edges: where a point has just entered a cell, the nodes there have little mass from it
+        x, y = motion.x[chosen], motion.y[chosen]
+        body.transfers.spread(x, y, fx, fy, body.window.width, body.window.tractions)
 
 
 class Tractions:
@@ -135,7 +191,7 @@ class Tractions:
 
     def __init__(self, case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> None:
         select, box = PointsOn(case, cloud, at_edges=True), case.bounding_box()
-        self._loads: list[tuple[MovingBody, Traction, NDArray, NDArray]] = []
+        self._loads: list[LoadedPoints] = []
         for number, traction in enumerate(case.tractions):
             boundary = case.boundaries[traction.on]
             if boundary.edge is None:
@@ -145,30 +201,32 @@ class Tractions:
             # a point inside that lies on the same line, of another body, has no edge there
             kept = np.abs(cloud.positions[places, normal] + offset[:, normal] - box[corner][normal]) < 1e-9 * case.mesh.h
             places = places[kept]
+            if not len(places):
+                name = f"{case.source}: tractions[{number}].on = '{traction.on}'"
+                raise GridError(f"{name}: no body has an edge there; move it onto a body.")
             area = cloud.size[places, 1 - normal] * case.plane.thickness
             for n, body in enumerate(bodies):
                 own = cloud.body[places] == n
                 if own.any():
-                    self._loads.append((body, traction, places[own], area[own]))
-        self._bodies = list({id(load[0]): load[0] for load in self._loads}.values())
+                    self._loads.append(LoadedPoints(body, traction, places[own], area[own]))
+        self._bodies = list({id(load.body): load.body for load in self._loads}.values())
 
     def add(self, now: float) -> None:
         """Add the forces at a time to those on the nodes."""
         for body in self._bodies:
-            body.grid.ex[:], body.grid.ey[:] = 0.0, 0.0
-        for body, traction, numbers, area in self._loads:
-            share = traction.share(now)
-            chosen = body.places_of(numbers)
-            # not at their edges: where a point has just entered a cell, the nodes there have little mass from it
-            x, y = body.points.x[chosen], body.points.y[chosen]
-            force_x, force_y = share * traction.value[0] * area, share * traction.value[1] * area
-            grid = body.grid
-            body.kernels.spread(x, y, force_x, force_y, body.width, grid.ex, grid.ey)
+            for array in body.window.tractions:
+                array[:] = 0.0
+        for load in self._loads:
+            load.spread(now)
         for body in self._bodies:
-            body.grid.fx += body.grid.ex
-            body.grid.fy += body.grid.ey
+            sums, tractions = body.window.sums, body.window.tractions
+            sums.fx[:] += tractions.x
+            sums.fy[:] += tractions.y
 
     def power(self) -> float:
         """Of the tractions in this step, on the mean of the velocities before and after it."""
-        grids = [body.grid for body in self._bodies]
-        return sum(float(0.5 * (g.ex * (g.old_x + g.vx) + g.ey * (g.old_y + g.vy)).sum()) for g in grids)
+        total = 0.0
+        for body in self._bodies:
+            forces, v = body.window.tractions, body.window.velocities
+            total += float(0.5 * (forces.x * (v.old_x + v.vx) + forces.y * (v.old_y + v.vy)).sum())
+        return total

@@ -8,17 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from mpm.explicit.body_fields import fields_of
+from mpm.explicit.body_motion import BodyMotion
 from mpm.explicit.contact import Contact
-from mpm.explicit.moving_body import Motion, MovingBody
+from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.phase_field import PointPhaseField
 from mpm.explicit.prescribed import Tractions, held_lines
+from mpm.explicit.step_bound import stable_step
 from mpm.grid import GridError
 from mpm.placement import PointCloud, place_in_bodies
 from numerics.costs import Costs
 from numerics.exact_errors import moving_errors
 from numerics.explicit import Balance
 from numerics.fields import Fields
-from numerics.time_steps import stable_step
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
 from physics.phase_field import initial_history
@@ -72,14 +74,12 @@ class ExplicitMaterialPoints:
         """Velocities and strains of the case's exact solution at the start, where it has them."""
         solution = SOLUTIONS.get(self.case.exact or "")
         for body in self._moving:
-            points = body.points
+            motion, elastic = body.points.motion, body.points.elastic
             if solution is not None and solution.velocity is not None:
-                velocity = solution.velocity(self.case, body.positions(), 0.0)
-                points.vx, points.vy = velocity[:, 0].copy(), velocity[:, 1].copy()
+                motion.vx[:], motion.vy[:] = solution.velocity(self.case, body.positions(), 0.0).T
             if solution is not None and solution.strain is not None:
-                strain = solution.strain(self.case, body.positions(), 0.0)
-                points.exx, points.eyy, points.gxy = (strain[:, i].copy() for i in range(3))
-            body.largest_speed = float(np.hypot(points.vx, points.vy).max())
+                elastic.exx[:], elastic.eyy[:], elastic.gxy[:] = solution.strain(self.case, body.positions(), 0.0).T
+            body.wandering.largest_speed = body.points.largest_speed()
             body.evaluate_stresses()
 
     def _start_notches(self) -> None:
@@ -88,8 +88,9 @@ class ExplicitMaterialPoints:
         for number, body in enumerate(self.bodies):
             if body.breakable:
                 toughness, length_scale = table.toughness[number], table.length_scale[number]
-                crack = initial_history(self.case, body.positions(), toughness, length_scale)
-                body.points.history = np.maximum(body.points.history, crack)
+                history = body.points.crack.history
+                drawn = initial_history(self.case, body.positions(), toughness, length_scale)
+                np.maximum(history, drawn, out=history)
 
     def _break_notches(self) -> None:
         """Phase field and stresses at the start."""
@@ -147,18 +148,16 @@ class ExplicitMaterialPoints:
 
     def _go_back_with_phase_field_ahead(self, start: Mapping[str, NDArray], now: float) -> None:
         """The state at the start of the step, but for the phase field and the stresses that it softens."""
-        ahead = [body.points.history for body in self.bodies]
+        ahead = [body.points.crack.history for body in self.bodies]
         self.restore(start)
-        committed = [body.points.history for body in self.bodies]
-        self._set_histories(ahead)
+        committed = [body.points.crack for body in self.bodies]
+        for body, history in zip(self.bodies, ahead, strict=True):
+            body.points.crack = body.points.crack._replace(history=history)
         self._solve_phase_fields(now)
-        self._set_histories(committed)
+        for body, crack in zip(self.bodies, committed, strict=True):
+            body.points.crack = crack
         for body in self._moving:
             body.evaluate_stresses()
-
-    def _set_histories(self, histories: list[NDArray]) -> None:
-        for body, history in zip(self.bodies, histories, strict=True):
-            body.points.history = history
 
     def _move(self, now: float, size: float) -> None:
         """Trial velocities, contact, and the points' motion from what is mapped to the grid."""
@@ -210,7 +209,7 @@ class ExplicitMaterialPoints:
         momentum = np.sum([motion.momentum for motion in motions], axis=0)
         fallen = float(gravity @ (_first_moment(motions) - self._start))
         return Balance(
-            elastic=sum(float((body.energy_density() * body.points.volume).sum()) for body in moving),
+            elastic=sum(float((body.energy_density() * body.points.matter.volume).sum()) for body in moving),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
             kinetic=sum(motion.energy for motion in motions),
             external_work=fallen + self._boundary_work + self.contact.work_of_rigid,
@@ -219,19 +218,19 @@ class ExplicitMaterialPoints:
             momentum=(float(momentum[0]), float(momentum[1])),
         )
 
-    def _motions(self) -> list[Motion]:
-        return [body.motion() for body in self._moving]
+    def _motions(self) -> list[BodyMotion]:
+        return [BodyMotion.of(body) for body in self._moving]
 
     def least_phase_field(self) -> float:
         """Smallest phase field of all points."""
-        return min(float(body.points.c.min()) for body in self.bodies)
+        return min(float(body.points.crack.c.min()) for body in self.bodies)
 
     def monitored(self) -> dict[str, float]:
         """Motion of each body as a whole, and the impulse that contact has given it."""
         columns: dict[str, float] = {}
         self.contact.begin_record()
         for body, impulse in zip(self.bodies, self.contact.impulse, strict=True):
-            motion = body.motion()
+            motion = BodyMotion.of(body)
             values = (*motion.place, *motion.momentum, motion.spin)
             columns |= {f"{body.name}_{key}": float(v) for key, v in zip(MOTION_COLUMNS, values, strict=True)}
             if len(self.bodies) > 1:
@@ -242,62 +241,14 @@ class ExplicitMaterialPoints:
 
     def fields(self) -> Fields:
         """Points as they stand, in the order in which they were placed, and the occupied cells of the grid."""
-        n = len(self.cloud.positions)
-        gathered: dict[str, NDArray] = {}
-        for body in self.bodies:
-            for name, values in self._point_fields(body).items():
-                gathered.setdefault(name, np.zeros((n, *values.shape[1:])))[body.points.number] = values
-        corners, cells, phase_field = self._occupied_cells()
-        return Fields(
-            **gathered,
-            reference=self.cloud.positions,
-            volume=self.cloud.volume,
-            displacement=gathered["points"] - self.cloud.positions,
-            body=self.cloud.body,
-            grid_points=corners,
-            grid_cells=cells,
-            grid_displacement=np.zeros_like(corners),
-            grid_phase_field=phase_field,
-        )
-
-    def _point_fields(self, body: MovingBody) -> dict[str, NDArray]:
-        """Arrays over a body's points; the gradient is that of the strain alone, without turning."""
-        p = body.points
-        return {
-            "points": body.positions(),
-            "gradient": np.column_stack([p.exx, 0.5 * p.gxy, 0.5 * p.gxy, p.eyy]),
-            "phase_field": p.c,
-            "history_field": p.history,
-            "stress": np.column_stack([p.sxx, p.syy, p.sxy]),
-            "energy_density": body.energy_density(),
-            "broken_at": p.broken_at,
-        }
-
-    def _occupied_cells(self) -> tuple[NDArray, NDArray, NDArray]:
-        """Corners (4 n, 2), quads (n, 4) and the mean phase field at the corners (4 n,) of cells that hold points."""
-        cells = np.concatenate(
-            [np.column_stack([np.floor(b.points.x), np.floor(b.points.y)]).astype(int) + b.corner for b in self.bodies]
-        )
-        phase_field = np.concatenate([body.points.c for body in self.bodies])
-        lower, upper = cells.min(axis=0), cells.max(axis=0)
-        number = np.ravel_multi_index((cells - lower).T, upper - lower + 1)
-        occupied, place, count = np.unique(number, return_inverse=True, return_counts=True)
-        mean = np.bincount(place, weights=phase_field) / count
-        first = np.column_stack(np.unravel_index(occupied, upper - lower + 1)) + lower
-        steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        corners = (first[:, None, :] + steps).reshape(-1, 2)
-        return (
-            self.bodies[0].origin + self.case.mesh.h * corners,
-            np.arange(len(corners)).reshape(-1, 4),
-            np.repeat(mean, 4),
-        )
+        return fields_of(self.bodies, self.cloud)
 
     def measures(self) -> dict[str, float]:
         """Errors against the exact solution where there is one; half-width and peak of the pressure on a floor."""
         errors = moving_errors(self.case, self.fields())
         pressed = self.contact.pressure_on_floor(self.case.mpm.order)
         if pressed and self.case.dynamics is not None:
-            weight = -self.case.dynamics.gravity[1] * sum(body.points.mass.sum() for body in self._moving)
+            weight = -self.case.dynamics.gravity[1] * sum(body.points.matter.mass.sum() for body in self._moving)
             area = self.case.mesh.h * self.case.plane.thickness
             errors["contact_half_width"] = self.case.mesh.h * pressed["half_width"]
             errors["peak_pressure"] = weight * pressed["peak"] / area
@@ -328,6 +279,6 @@ def _part(saved: Mapping[str, NDArray], prefix: str) -> dict[str, NDArray]:
     return {name.removeprefix(prefix): array for name, array in saved.items() if name.startswith(prefix)}
 
 
-def _first_moment(motions: list[Motion]) -> NDArray:
+def _first_moment(motions: list[BodyMotion]) -> NDArray:
     """Sum (2,) of mass times place."""
     return np.sum([motion.mass * motion.place for motion in motions], axis=0)

@@ -53,8 +53,7 @@ def measured(asked: argparse.Namespace) -> "pd.DataFrame":
 
 def draw(table: "pd.DataFrame", folder: Path) -> None:
     """Seconds over unknowns, with the fitted exponents in the legend."""
-    figure = Figure(figsize=(5.6, 4.0), layout="constrained")
-    axes = style.curve_axes(figure, "unknowns", "seconds per staggered iteration")
+    figure, axes = style.curve_axes(5.6, 4.0, "unknowns", "seconds per staggered iteration")
     axes.set(xscale="log", yscale="log")
     for colour, (solver, part) in zip(style.OKABE_ITO, table.groupby("solver"), strict=False):
         exponent, constant = np.polyfit(np.log(part["unknowns"]), np.log(part["seconds_per_iteration"]), 1)
@@ -73,7 +72,6 @@ if __name__ == "__main__":
         os.environ[name] = str(asked.threads)
     import numpy as np
     import pandas as pd
-    from matplotlib.figure import Figure
 
     from cases import load_case
     from reports import style

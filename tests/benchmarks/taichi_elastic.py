@@ -80,8 +80,8 @@ class OurBody:
 
     def velocities(self) -> "np.ndarray":
         """Of the points (n, 2), by their numbers."""
-        points, found = self.body.points, np.empty((len(self.body.points.vx), 2))
-        found[points.number] = np.column_stack([points.vx, points.vy])
+        points, found = self.body.points, np.empty((len(self.body.points.number), 2))
+        found[points.number] = np.column_stack([points.motion.vx, points.motion.vy])
         return found
 
 
@@ -122,7 +122,7 @@ def measured(asked: argparse.Namespace, n_points: int) -> "pd.DataFrame":
         for name, scheme in schemes.items():
             best[name] = min(best[name], seconds_of(scheme.step, asked.steps, size))
         check(schemes)
-    n, nodes = len(ours.body.points.x), len(ours.body.grid.m)
+    n, nodes = len(ours.body.points.number), len(ours.body.window.sums.m)
     moved = 8.0 * (NUMBERS_OF_POINT + NUMBERS_OF_NODE * nodes / n)
     rows = []
     for name, scheme in schemes.items():
@@ -161,8 +161,9 @@ if __name__ == "__main__":
         from cases import Case, case_from_tables
         from mpm import ExplicitMaterialPoints
         from mpm.explicit.moving_body import MovingBody
+        from mpm.explicit.step_bound import stable_step
         from numerics.compilation import compilation
-        from numerics.time_steps import stable_step, step_size
+        from numerics.time_steps import step_size
         from reports import style
 
         @njit(parallel=True)

@@ -40,9 +40,9 @@ class TaichiBody:
     """
 
     def __init__(self, body: "MovingBody", coloured: bool) -> None:
-        n, nodes = len(body.points.x), tuple(int(size) for size in body.shape)
-        self.coloured, self.n_strips = coloured, len(body.strips) - 1
-        self.h, self.lam, self.mu = body.h, body.lam, body.mu
+        n, nodes = len(body.points.number), tuple(int(size) for size in body.window.shape)
+        self.coloured, self.n_strips = coloured, len(body.window.strips) - 1
+        self.h, self.lam, self.mu = body.lattice.h, body.law.lam, body.law.mu
         self.x, self.v = (ti.Vector.field(2, ti.f64, n) for _ in range(2))
         self.strain, self.stress = (ti.Vector.field(3, ti.f64, n) for _ in range(2))
         self.mass, self.volume = (ti.field(ti.f64, n) for _ in range(2))
@@ -52,15 +52,15 @@ class TaichiBody:
 
     def load(self, body: "MovingBody") -> None:
         """Take over the state of a body that has just been sorted."""
-        p = body.points
+        p, motion, elastic = body.points, body.points.motion, body.points.elastic
         self.number = p.number.copy()
-        self.strips.from_numpy(body.strips.astype(np.int32))
-        self.mass.from_numpy(p.mass)
-        self.volume.from_numpy(p.volume)
-        self.x.from_numpy(np.column_stack([p.x, p.y]))
-        self.v.from_numpy(np.column_stack([p.vx, p.vy]))
-        self.strain.from_numpy(np.column_stack([p.exx, p.eyy, p.gxy]))
-        self.stress.from_numpy(np.column_stack([p.sxx, p.syy, p.sxy]))
+        self.strips.from_numpy(body.window.strips.astype(np.int32))
+        self.mass.from_numpy(p.matter.mass)
+        self.volume.from_numpy(p.matter.volume)
+        self.x.from_numpy(np.column_stack([motion.x, motion.y]))
+        self.v.from_numpy(np.column_stack([motion.vx, motion.vy]))
+        self.strain.from_numpy(np.column_stack([elastic.exx, elastic.eyy, elastic.gxy]))
+        self.stress.from_numpy(np.column_stack([elastic.sxx, elastic.syy, elastic.sxy]))
 
     def compile(self, size: float) -> None:
         """Compile every kernel by a first step."""

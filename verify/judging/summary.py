@@ -1,23 +1,18 @@
-"""summary.json: all verdicts in one file, and its views for CI services and spreadsheets.
+"""summary.json: all verdicts in one file. Judging reads finished run folders; no solver runs here."""
 
-Judging reads finished run folders; no solver runs here.
-"""
-
-import csv
-import io
 import json
 import math
 import re
+import shlex
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 from cases import Case, load_case
-from numerics.status import RunStatus
 from verify.judging.judge import CaseVerdict, CheckResult, RunState, judge_case
 from verify.judging.targets import reference_curve
+from verify.judging.views import Json, checks_csv, junit_xml, markdown
 from verify.metrics.crack_path import hausdorff, mean_distance
 from verify.metrics.curves import Curve, CurveError, compare_curves
 from verify.metrics.registry import metric_unit
@@ -27,8 +22,6 @@ from verify.runs.run_folder import RunFolder, RunFolderError
 
 EXIT_CODES = {"PASS": 0, "FAIL": 1, "MISSING": 1, "RUN_FAILED": 2, "NOT_CHECKED": 4}
 CURVE_COLUMNS = ["u", "F_reference", "F", "relative_error_percent"]
-
-Json = dict[str, Any]
 
 
 def summarise(cases: Sequence[Case], tier: str, out: Path) -> Json:
@@ -91,7 +84,9 @@ def reproduce_command(case: Case) -> str:
 
     if case.name in list_cases() and load_case(case.name).source == case.source:
         return f"make verify CASE={case.name} TIER={case.tier}"
-    return f"verify run {case.source} --tier {case.tier} && verify compare {case.source} --tier {case.tier}"
+    here, source = Path.cwd(), Path(case.source).resolve()
+    asked = f"{shlex.quote(str(source.relative_to(here) if source.is_relative_to(here) else source))} --tier {case.tier}"
+    return f"verify run {asked} && verify compare {asked}"
 
 
 def _run_entry(state: RunState, out: Path) -> Json:
@@ -130,7 +125,7 @@ def _check_entry(result: CheckResult, case: Case) -> Json:
         "unit": metric_unit(check.metric, case),
         "error": _number(result.error),
         "limit": check.limit,
-        "measure": check.measure,
+        "error_kind": check.error_kind,
         "margin_used": _number(result.margin_used),
         "verdict": result.verdict,
         "reason": check.reason,
@@ -179,7 +174,7 @@ def _curve_entries(judged: CaseVerdict, out: Path) -> tuple[list[Json], list[str
         try:
             entries.append(_curve_entry(judged, run, other, out))
         except CurveError as error:
-            problems.append(str(error))
+            problems.append(f"{run} vs {other}: {error}")
     return entries, problems
 
 
@@ -217,116 +212,3 @@ def _crack(judged: CaseVerdict, name: str) -> Any:
     run = judged.runs[name].run
     assert run is not None
     return run.crack_path
-
-
-# ------------------------------------------------------------------------------------------------ views
-
-
-def check_name(check: Json) -> str:
-    """Name of a check in tables."""
-    return f"{check['metric']} of {check['run']} against {check['against']}"
-
-
-def check_sentence(check: Json) -> str:
-    """What was found, in numbers."""
-    if check["error"] is None:
-        return check["note"] or "no value"
-    target = "" if check["target"] is None else f", target {check['target']:.6g}"
-    kind = "relative" if check["measure"] == "relative" and check["target"] is not None else "absolute"
-    return (
-        f"value {check['value']:.6g}{target}, {kind} error {check['error']:.3g}, limit {check['limit']:.3g}"
-    )
-
-
-def failed_runs(case: Json) -> list[str]:
-    """One sentence for each run that the solver did not bring to a good end."""
-    runs = case["runs"].items()
-    return [f"{n}: {r['status']}: {r['reason']}" for n, r in runs if RunStatus(r["status"]).failed]
-
-
-def junit_xml(summary: Json) -> str:
-    """JUnit XML: a suite for each case, a test for each run and each check."""
-    root = ElementTree.Element("testsuites", name="verify")
-    for case in summary["cases"]:
-        suite = ElementTree.SubElement(root, "testsuite", name=f"{case['case']} ({case['tier']})")
-        for name, entry in case["runs"].items():
-            _junit_run(suite, case, name, entry)
-        for check in case["checks"]:
-            _junit_check(suite, case, check)
-        if case["verdict"] == "NOT_CHECKED":
-            test = ElementTree.SubElement(suite, "testcase", classname=case["case"], name="checks")
-            ElementTree.SubElement(test, "failure", message="nothing was checked")
-        _junit_counts(suite)
-    ElementTree.indent(root)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _junit_run(suite: ElementTree.Element, case: Json, name: str, entry: Json) -> None:
-    seconds = str(entry["seconds"].get("total", 0.0))
-    test = ElementTree.SubElement(suite, "testcase", classname=case["case"], name=f"run {name}", time=seconds)
-    status = RunStatus(entry["status"])
-    if status.failed or status == RunStatus.DAMAGED:
-        ElementTree.SubElement(test, "error", message=f"{entry['status']}: {entry['reason']}")
-    elif not status.good:
-        ElementTree.SubElement(test, "skipped", message=f"{entry['status']}: {entry['reason']}")
-
-
-def _junit_check(suite: ElementTree.Element, case: Json, check: Json) -> None:
-    test = ElementTree.SubElement(suite, "testcase", classname=case["case"], name=check_name(check))
-    message = check_sentence(check)
-    if check["verdict"] in ("FAIL", "MISSING"):
-        failure = ElementTree.SubElement(test, "failure", message=f"{check['verdict']}: {message}")
-        failure.text = check["reason"]
-    elif check["verdict"] == "INFO":
-        ElementTree.SubElement(test, "skipped", message=f"not gated: {message}")
-
-
-def _junit_counts(suite: ElementTree.Element) -> None:
-    suite.set("tests", str(len(suite.findall("testcase"))))
-    for kind, attribute in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
-        suite.set(attribute, str(len(suite.findall(f"testcase/{kind}"))))
-
-
-def checks_csv(summary: Json) -> str:
-    """One row for each check of each case."""
-    columns = ["case", "tier", "metric", "run", "against", "value", "target", "error", "limit", "measure",
-               "margin_used", "verdict", "gate", "reason", "source", "note"]  # fmt: skip
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
-    for case in summary["cases"]:
-        writer.writerows({"case": case["case"], "tier": case["tier"]} | check for check in case["checks"])
-    return text.getvalue()
-
-
-def markdown(summary: Json) -> str:
-    """A page for a CI service: the verdicts, then all that is not within tolerance."""
-    lines = [
-        f"# Verification, tier {summary['tier']}",
-        "",
-        f"Version {summary['version']}, {summary['created']}",
-        "",
-    ]
-    lines += ["| case | verdict | checks passed | largest share of a limit |", "|---|---|---|---|"]
-    lines += [_markdown_row(case) for case in summary["cases"]]
-    for case in summary["cases"]:
-        problems = [f"- {sentence}" for sentence in failed_runs(case)]
-        bad = (check for check in case["checks"] if check["verdict"] in ("FAIL", "MISSING"))
-        problems += [f"- {c['verdict']}: {check_name(c)}: {check_sentence(c)}" for c in bad]
-        if problems:
-            lines += ["", f"## {case['case']}: {case['verdict']}", "", *problems, "", f"`{case['command']}`"]
-    return "\n".join(lines) + "\n"
-
-
-def counts(case: Json) -> tuple[int, int, float | None]:
-    """Gated checks passed, gated checks in all, largest share of a limit that a gated check uses."""
-    gated = [check for check in case["checks"] if check["gate"]]
-    margins = [check["margin_used"] for check in gated if check["margin_used"] is not None]
-    passed = sum(check["verdict"] == "PASS" for check in gated)
-    return passed, len(gated), max(margins, default=None)
-
-
-def _markdown_row(case: Json) -> str:
-    passed, gated, margin = counts(case)
-    share = "" if margin is None else f"{100 * margin:.0f} %"
-    return f"| {case['case']} | {case['verdict']} | {passed} of {gated} | {share} |"

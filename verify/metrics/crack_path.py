@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 from scipy.interpolate import LinearNDInterpolator
@@ -494,7 +495,7 @@ def path_angle(line: Array) -> float:
 
 
 def hausdorff(one: Array, other: Array) -> float:
-    """Largest distance from any point of either polyline to the other one."""
+    """Largest distance from any point of either polyline to the other one (shapely's is that from its vertices)."""
     return max(float(_distances_to(a, b).max()) for a, b in ((one, other), (other, one)))
 
 
@@ -506,10 +507,5 @@ def mean_distance(one: Array, other: Array) -> float:
 def _distances_to(line: Array, target: Array, samples: int = 1000) -> Array:
     """Distances from evenly spaced points of one polyline to the segments of another."""
     points = resample(line, path_length(line) / samples) if len(line) > 1 else line
-    tail, edge = target[:-1], np.diff(target, axis=0)
-    if len(edge) == 0:
-        tail, edge = target, np.zeros_like(target)
-    square = np.maximum((edge**2).sum(axis=1), np.finfo(float).tiny)
-    relative = points[:, None, :] - tail
-    along = np.clip((relative * edge).sum(axis=2) / square, 0.0, 1.0)
-    return np.linalg.norm(relative - along[..., None] * edge, axis=2).min(axis=1)
+    goal = shapely.LineString(target) if len(target) > 1 else shapely.Point(target[0])
+    return shapely.distance(shapely.points(points), goal)  # type: ignore[no-any-return]

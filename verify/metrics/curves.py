@@ -1,13 +1,13 @@
-"""Load-displacement curves: reading, validating, characteristic values, and the comparison of two curves.
+"""Load-displacement curves: validating, characteristic values, and the comparison of two curves.
 
-A curve is the reaction force F over the load parameter u, in load order. Nothing here knows units: both
+A curve is the force F that does work on the load parameter u over u, in load order. Nothing here knows units: both
 curves of a comparison must be in the same ones.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -42,7 +42,7 @@ def reversal(values: Array) -> float:
 class Curve:
     """A validated load-displacement curve.
 
-    u : (n,) load parameter in load order; F : (n,) reaction force; source : what to call it in messages.
+    u : (n,) load parameter in load order; F : (n,) force conjugate to u; source : what to call it in messages.
 
     Raises CurveError for fewer than two points, unequal lengths, NaN or infinity, a u that never moves, and
     swapped columns. Columns count as swapped when u steps back by more than ``REVERSAL_TOLERANCE`` of its
@@ -65,8 +65,13 @@ class Curve:
 
     @classmethod
     def from_history(cls, history: pd.DataFrame, source: str = "history") -> Curve:
-        """The curve of a run's history table (columns u and F)."""
-        return _from_table(history, "u", "F", source)
+        """The curve of a run's history table (columns u and F); a cell that is no number counts as NaN."""
+        missing = [name for name in ("u", "F") if name not in history.columns]
+        if missing:
+            present = ", ".join(map(str, history.columns)) or "none"
+            raise CurveError(f"{source}: has no column {' or '.join(missing)} (it has {present}); add or name it")
+        u, F = (pd.to_numeric(history[name], errors="coerce").to_numpy(dtype=float) for name in ("u", "F"))
+        return cls(u, F, source)
 
     @property
     def cyclic(self) -> bool:
@@ -122,50 +127,12 @@ def _require_columns_in_order(curve: Curve) -> None:
         )
 
 
-def _from_table(table: pd.DataFrame, u_column: str, F_column: str, source: str) -> Curve:
-    missing = [name for name in (u_column, F_column) if name not in table.columns]
-    if missing:
-        present = ", ".join(map(str, table.columns)) or "none"
-        raise CurveError(f"{source}: has no column {' or '.join(missing)} (it has {present}); add or name it")
-    columns = (pd.to_numeric(table[name], errors="coerce") for name in (u_column, F_column))
-    u, F = (column.to_numpy(dtype=float) for column in columns)
-    return Curve(u, F, source)
-
-
-def read_curve(path: Path | str, u_column: str = "u", F_column: str = "F") -> Curve:
-    """Read a curve from a CSV file with a header line; lines starting with '#' are comments.
-
-    Raises CurveError for a file that is missing, empty or not a table, for missing columns and for all that
-    ``Curve`` rejects (a cell that is no number counts as NaN).
-    """
-    try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except FileNotFoundError:
-        raise CurveError(f"{path}: does not exist; give the path of a CSV file with columns u,F") from None
-    except pd.errors.EmptyDataError:
-        raise CurveError(f"{path}: is empty; it needs a header line u,F and at least two points") from None
-    except (pd.errors.ParserError, UnicodeDecodeError, OSError) as error:
-        reason = str(error).strip().splitlines()[-1]
-        raise CurveError(f"{path}: cannot be read as CSV ({reason}); give a table with columns u,F") from None
-    return _from_table(table, u_column, F_column, str(path))
-
-
 # --- characteristic values ------------------------------------------------------------------------
-
-
-def external_work(curve: Curve) -> float:
-    """Work of the reaction force, the integral of F du along the path (trapezoidal rule)."""
-    return float(np.trapezoid(curve.F, curve.u))
 
 
 def recoverable_energy(curve: Curve) -> float:
     """Elastic energy at the end of the curve, F u / 2: the material unloads along a secant to the origin."""
     return 0.5 * float(curve.F[-1] * curve.u[-1])
-
-
-def dissipated_work(curve: Curve) -> float:
-    """External work less the recoverable energy at the end."""
-    return external_work(curve) - recoverable_energy(curve)
 
 
 def loading_sign(curve: Curve) -> float:
@@ -193,7 +160,7 @@ def peak_index(curve: Curve) -> int:
 
 
 def peak_force(curve: Curve) -> float:
-    """Largest reaction force, with its sign: negative where the specimen is broken by negative forces."""
+    """Largest force, with its sign: negative where the specimen is broken by negative forces."""
     return float(curve.F[peak_index(curve)])
 
 
@@ -247,10 +214,12 @@ def path_coordinate(curve: Curve) -> Array:
 
 def _first_branch_end(curve: Curve) -> int:
     """Index of the last point before u first turns back by more than noise."""
-    noise = REVERSAL_TOLERANCE * np.ptp(curve.u)
-    moved = np.abs(curve.u - curve.u[0]) > noise
-    sign = np.sign(curve.u[int(np.argmax(moved))] - curve.u[0])
-    along = sign * curve.u
+    return _branch_end(curve.u, REVERSAL_TOLERANCE * float(np.ptp(curve.u)))
+
+
+def _branch_end(u: Array, noise: float) -> int:
+    moved = np.abs(u - u[0]) > noise
+    along = np.sign(u[int(np.argmax(moved))] - u[0]) * u
     reached = np.maximum.accumulate(along)
     back = reached - along > noise
     if not back.any():
@@ -305,32 +274,34 @@ def compare_curves(
 ) -> CurveComparison:
     """Compare ``other`` with ``reference`` on ``n`` evenly spaced displacements (Eq. 4.19 of the thesis).
 
-    Where u of either curve turns back, both are compared over the path travelled instead. A curve that ended
-    broken is carried on with its last force as long as the other one is loaded, so that breaking too early or
-    too late is an error and not a missing piece.
+    Where u turns back, both are compared over the path travelled instead, as far as they turn at the same places: from
+    there on one would be held against another state of loading. A curve that ended broken is carried on with its last
+    force as long as the other one is loaded, so that breaking too early or too late is an error and not a missing piece.
 
     Raises CurveError when a curve that is not broken leaves less than ``minimum_share`` of the reference's
-    loaded range to compare (truncated), when the curves are loaded in opposite directions, and when the
-    stiffness of ``other`` is about the inverse of the reference's (swapped columns).
+    loaded range to compare (truncated, or on another path), when the curves are loaded in opposite directions, and when
+    the stiffness of ``other`` is about the inverse of the reference's (swapped columns).
     """
     _require_same_sense(reference, other)
     cyclic = reference.cyclic or other.cyclic
     along_reference, along_other = (_coordinate(curve, cyclic) for curve in (reference, other))
-    start, end, coverage = _common_range(reference, other, along_reference, along_other)
+    parting = _parting(reference, other) if cyclic else None
+    start, end, coverage = _common_range(
+        reference, other, along_reference, along_other, parting.after if parting else np.inf
+    )
     if end <= start or coverage < minimum_share:
-        raise CurveError(
-            f"{other.source}: covers only {max(coverage, 0.0):.1%} of the loaded range of {reference.source} "
-            f"(at least {minimum_share:.0%} are needed); finish the run or give the whole curve"
-        )
+        covers = f"{max(coverage, 0.0):.1%} of the loaded range of {reference.source}"
+        needed = f"(at least {minimum_share:.0%} are needed)"
+        if parting is not None:
+            raise CurveError(
+                f"{other.source}: has the path of loading of {reference.source} only up to u = {parting.u:g}, which is "
+                f"{covers} {needed}, so that they cannot be compared; load both alike"
+            )
+        raise CurveError(f"{other.source}: covers only {covers} {needed}; finish the run or give the whole curve")
     grid = np.linspace(start, end, n)
     errors = _error_table(reference, other, along_reference, along_other, grid)
     split = min(along_reference[peak_index(reference)], along_other[peak_index(other)])
     return _summarise(errors, split, cyclic, coverage)
-
-
-def relative_error_curve(reference: Curve, other: Curve, n: int = 501) -> pd.DataFrame:
-    """Table of the relative error in percent (Eq. 4.19); see ``CurveComparison.errors``."""
-    return compare_curves(reference, other, n).errors
 
 
 def max_error_until(reference: Curve, other: Curve, u_max: float, n: int = 501) -> float:
@@ -369,18 +340,46 @@ def _coordinate(curve: Curve, cyclic: bool) -> Array:
     return path_coordinate(curve) if cyclic else curve.direction * _levelled(curve)
 
 
+class _Stop(NamedTuple):
+    """Where a branch of a path of loading ends: at a load parameter, after so much of the path; whether u turns there."""
+
+    u: float
+    after: float
+    turns: bool
+
+
+def _parting(one: Curve, other: Curve) -> _Stop | None:
+    """Where one of two curves turns back and the other one goes on; None where they turn alike to the shorter's end."""
+    noise = REVERSAL_TOLERANCE * max(np.ptp(one.u), np.ptp(other.u))
+    direction = one.direction
+    for stops in zip(_stops(one), _stops(other), strict=False):
+        first, last = sorted(stops, key=lambda stop: direction * stop.u)
+        if abs(last.u - first.u) > noise:
+            return first if first.turns else None
+        direction = -direction
+    return None
+
+
+def _stops(curve: Curve) -> list[_Stop]:
+    """Ends of the branches between which u turns back by more than noise."""
+    noise, along = REVERSAL_TOLERANCE * float(np.ptp(curve.u)), path_coordinate(curve)
+    last, ends = len(curve.u) - 1, [_branch_end(curve.u, noise)]
+    while ends[-1] < last and np.ptp(curve.u[ends[-1] :]) > noise:
+        ends.append(ends[-1] + _branch_end(curve.u[ends[-1] :], noise))
+    return [_Stop(float(curve.u[end]), float(along[end]), end < last) for end in ends]
+
+
 def _common_range(
-    reference: Curve, other: Curve, along_reference: Array, along_other: Array
+    reference: Curve, other: Curve, along_reference: Array, along_other: Array, parting: float
 ) -> tuple[float, float, float]:
     """Start and end of the comparison and the share of the reference's loaded range that it covers."""
     start = max(along_reference[0], along_other[0])
-    ends = [along_reference[-1], along_other[-1]]
-    end = min(ends)
+    end = min(along_reference[-1], along_other[-1])
     if other.broken:
         end = max(end, _loaded_length(reference, along_reference))
     if reference.broken:
-        loaded_other = _loaded_length(other, along_other)
-        end = max(end, loaded_other)
+        end = max(end, _loaded_length(other, along_other))
+    end = min(end, parting)
     loaded = _loaded_length(reference, along_reference)
     coverage = (min(end, loaded) - start) / (loaded - along_reference[0])
     return float(start), float(end), float(coverage)

@@ -1,4 +1,4 @@
-"""What a metric is, and what it needs of a run."""
+"""What a metric is, what it needs of a run, and the list in which each stands beside its own function."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -16,9 +16,19 @@ from cases.errors import UserError
 if TYPE_CHECKING:
     from cases import Case
 
+#: what a metric is a function of: a run, a run and its reference, the runs of a sweep
+Of = Literal["run", "pair", "sweep"]
+Function = TypeVar("Function", bound=Callable[..., float])
+#: periods of angles [degree]: of a line, which has no sense, and of a direction
+LINE, DIRECTION = 180.0, 360.0
+
 
 class MetricError(UserError, ValueError):
     """A metric that a run cannot give; the message is one sentence: metric or run, what is wrong, remedy."""
+
+
+class NothingToCompareError(MetricError):
+    """A value and its target are both zero, of which no relative error can be taken."""
 
 
 class RunData(Protocol):
@@ -43,12 +53,15 @@ class Metric:
 
     unit : kind of quantity as in ``cases.units`` ("force", "length", "number", ..), or "degree".
     meaning : one line for reports. function : of a run, of a run and its reference, or of a list of runs.
+    period : by which values of it are the same, 0 without.
     """
 
     name: str
     unit: str
     meaning: str
     function: Callable[..., float]
+    of: Of = "run"
+    period: float = 0.0
 
     def __call__(self, *runs: Any, **parameters: Any) -> float:
         """Value of the metric; MetricError for parameters that it does not have or lacks, or for no value."""
@@ -70,3 +83,63 @@ class Metric:
             for parameter in inspect.signature(self.function).parameters.values()
             if parameter.kind is inspect.Parameter.KEYWORD_ONLY
         ]
+
+    def error(self, value: float, target: float | None, kind: str) -> float:
+        """Distance of a value from its target, "absolute" or "relative"; without a target its size.
+
+        Relative to a target of zero it is infinite.
+
+        Raises
+        ------
+        NothingToCompareError : value and target are both zero, and the error is relative.
+        """
+        if target is None:
+            return abs(value)
+        difference = abs(value - target)
+        if self.period:
+            difference = min(difference % self.period, -difference % self.period)
+        if kind == "absolute":
+            return difference
+        if target == 0.0:
+            if value == 0.0:
+                raise NothingToCompareError(
+                    f"metric {self.name}: value and target are both zero, which shows nothing; "
+                    "judge where there is a value, or the absolute error"
+                )
+            return math.inf
+        return difference / abs(target)
+
+
+#: all metrics by their names
+REGISTERED: dict[str, Metric] = {}
+
+
+def metric(
+    unit: str, meaning: str, *, of: Of = "run", period: float = 0.0, name: str = ""
+) -> Callable[[Function], Function]:
+    """Enter the function below into the list of metrics, by its own name if no other is given.
+
+    Its keyword-only arguments are the parameters that a check may give. unit, meaning, of, period : as in `Metric`.
+    """
+
+    def register(function: Function) -> Function:
+        called = name or function.__name__
+        if called in REGISTERED:
+            raise ValueError(f"two metrics are called {called!r}")
+        REGISTERED[called] = Metric(called, unit, meaning, function, of, period)
+        return function
+
+    return register
+
+
+def run_name(run: RunData) -> str:
+    """What messages call a run."""
+    return f"run {run.info.get('run', '')}".strip()
+
+
+def history_column(run: RunData, name: str) -> np.ndarray:
+    """A column (n,) of the run's history; MetricError where it has none or no row."""
+    if name not in run.history or len(run.history) == 0:
+        known = ", ".join(run.history.columns)
+        raise MetricError(f"{run_name(run)}: its history has no values of {name}; it has {known}")
+    return run.history[name].to_numpy(dtype=float)

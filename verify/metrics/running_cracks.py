@@ -1,4 +1,4 @@
-"""Metrics of moving bodies: how cracks start, run and branch, what they leave, and how two runs differ over time."""
+"""Metrics of moving bodies: how cracks start, run and branch, and what they leave."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from verify.metrics import crack_front
 from verify.metrics.crack_front import Branch
 from verify.metrics.crack_path import path_angle
 from verify.metrics.curves import Array
-from verify.metrics.metric import MetricError
+from verify.metrics.metric import DIRECTION, MetricError, metric, run_name
 
 if TYPE_CHECKING:
     from cases import Case
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
 AXES = {"x": 0, "y": 1}
 #: side of the smallest square, in length scales, that counts as a piece between cracks and not as a gap in one
 ENCLOSED = 4.0
-
-
-def _name(run: RunData) -> str:
-    return f"run {run.info.get('run', '')}"
 
 
 def _points(run: RunData, at: float | None = None) -> Any:
@@ -41,7 +37,7 @@ def _plane(data: Any) -> Array:
 def _broken_at(run: RunData) -> tuple[Any, Array]:
     data = _points(run)
     if "broken_at" not in data:
-        raise MetricError(f"{_name(run)}: does not tell when its points broke; ask this of dynamic cases")
+        raise MetricError(f"{run_name(run)}: does not tell when its points broke; ask this of dynamic cases")
     return data, np.asarray(data["broken_at"])
 
 
@@ -71,10 +67,11 @@ def _notch(case: Case) -> tuple[Array | None, Array | None]:
 def _of_branches(run: RunData) -> list[Branch]:
     found = branches_of(run)
     if not found:
-        raise MetricError(f"{_name(run)}: has no running crack, nothing broke; load it longer")
+        raise MetricError(f"{run_name(run)}: has no running crack, nothing broke; load it longer")
     return found
 
 
+@metric("time", "when the crack set out")
 def initiation_time(run: RunData) -> float:
     """Time at which a point broke that is a length scale or more away from what was broken at the start."""
     data, broken_at = _broken_at(run)
@@ -84,7 +81,7 @@ def initiation_time(run: RunData) -> float:
         distance, _ = cKDTree(points[broken_at == 0.0]).query(points)
         late &= distance >= _length_scale(run.case)
     if not late.any():
-        raise MetricError(f"{_name(run)}: has no running crack, nothing broke; load it longer")
+        raise MetricError(f"{run_name(run)}: has no running crack, nothing broke; load it longer")
     return float(broken_at[late].min())
 
 
@@ -92,52 +89,60 @@ def _length_scale(case: Case) -> float:
     return min(m.fracture.length_scale for m in case.materials.values() if m.fracture is not None)
 
 
+@metric("energy", "elastic energy when the crack set out")
 def stored_energy_at_initiation(run: RunData) -> float:
     """Elastic energy when the crack set out."""
     history = run.history
     return float(np.interp(initiation_time(run), history["time"], history["E_el"]))
 
 
+@metric("time", "when the tip first divided")
 def branching_time(run: RunData) -> float:
     """Time at which the tip first divided."""
     time = crack_front.branching_time(_of_branches(run))
     if not np.isfinite(time):
-        raise MetricError(f"{_name(run)}: its crack does not branch; load it longer or higher")
+        raise MetricError(f"{run_name(run)}: its crack does not branch; load it longer or higher")
     return time
 
 
+@metric("degree", "angle between the two longest branches")
 def branching_angle(run: RunData, *, length: float) -> float:
     """Angle between the two longest branches over a length behind their parting."""
     return crack_front.branching_angle(_of_branches(run), length, run.case.mesh.h)
 
 
+@metric("degree", "direction of the longest branch", period=DIRECTION)
 def branch_angle(run: RunData) -> float:
     """Direction of the longest branch in degrees from the x axis, -180 to 180."""
     return path_angle(_of_branches(run)[0].points)
 
 
+@metric("degree", "direction from the notch to the crack's tip", period=DIRECTION)
 def crack_direction(run: RunData, *, until: float = np.inf) -> float:
     """Direction in degrees from the x axis, -180 to 180, from the notch's end to the tip of the crack there at a time.
 
     The tip is the point farthest from the notch's end of those beyond it that broke in the run.
     """
     if len(run.case.notches) != 1:
-        raise MetricError(f"{_name(run)}: has {len(run.case.notches)} notches, not one to run from; ask for branch_angle")
+        notches = f"has {len(run.case.notches)} notches, not one to run from"
+        raise MetricError(f"{run_name(run)}: {notches}; ask for branch_angle")
     (notch,) = run.case.notches
     data, broken_at = _broken_at(run)
     away = _plane(data)[(broken_at > 0.0) & (broken_at <= until)] - np.asarray(notch.end)
     away = away[away @ np.subtract(notch.end, notch.start) > 0.0]
     if not len(away):
-        raise MetricError(f"{_name(run)}: nothing broke beyond its notch; load it longer")
+        raise MetricError(f"{run_name(run)}: nothing broke beyond its notch; load it longer")
     x, y = away[np.argmax(np.hypot(*away.T))]
     return float(np.degrees(np.arctan2(y, x)))
 
 
+@metric("number", "tips that the crack came to have")
 def branch_count(run: RunData, *, until: float = np.inf) -> float:
     """Number of tips that the crack came to have by a time."""
     return float(len(branches_of(run, until)))
 
 
+@metric("number", "pieces that branches enclose by running into cracks")
 def enclosed_pieces(run: RunData, *, until: float = np.inf) -> float:
     """Number of pieces that cracks enclose by a time: meetings of a branch with another one's crack."""
     data, broken_at = _broken_at(run)
@@ -145,6 +150,7 @@ def enclosed_pieces(run: RunData, *, until: float = np.inf) -> float:
     return float(crack_front.enclosed(_plane(data), broken_at <= until, run.case.mesh.h, least))
 
 
+@metric("velocity", "largest speed of a crack tip")
 def tip_speed(run: RunData, *, interval: float, count: float = 5, over_rayleigh: float = 0) -> float:
     """Largest speed of a tip: lines fitted to `count` positions in a row, `interval` apart in time (Borden et al. 2012).
 
@@ -163,6 +169,7 @@ def rayleigh_speed_of(case: Case) -> float:
     return min(map(rayleigh_speed, breakable))
 
 
+@metric("number", "connected pieces of unbroken material")
 def fragments(run: RunData, *, least_share: float = 1e-3) -> float:
     """Number of connected pieces of unbroken points, those below a share of their body's volume left out."""
     data = _points(run)
@@ -178,6 +185,7 @@ def fragments(run: RunData, *, least_share: float = 1e-3) -> float:
 CONE = 8.0
 
 
+@metric("number", "1 where a cone formed under an impact, else 0")
 def cone_index(run: RunData, *, level: float, middle: float, within: float) -> float:
     """1 where a cone has formed under an impact along y at x = middle, 0 where there is a median crack or none.
 
@@ -191,6 +199,7 @@ def cone_index(run: RunData, *, level: float, middle: float, within: float) -> f
     return float(near.any() and float(np.ptp(away[near, 0])) > CONE * max(lengths))
 
 
+@metric("number", "largest difference from the mirror image")
 def asymmetry(run: RunData, *, direction: str, middle: float, at: float | None = None) -> float:
     """Largest difference of the phase field at points and their mirror images, at a time or at the end.
 
@@ -202,40 +211,11 @@ def asymmetry(run: RunData, *, direction: str, middle: float, at: float | None =
     return crack_front.asymmetry(_plane(data), np.asarray(data["phase_field"]), AXES[direction], middle)
 
 
-def fracture_energy_gain(run: RunData, *, after: float = 0.0, until: float = np.inf) -> float:
-    """Fracture energy that came between two times, without that of notches of broken material."""
-    time, energy = run.history["time"].to_numpy(float), run.history["E_frac"].to_numpy(float)
-    first, last = np.interp([after, min(until, time[-1])], time, energy)
-    return float(last - first)
-
-
+@metric("number", "share of time that the phase field took")
 def phase_field_share(run: RunData) -> float:
     """Share of the stepping time that the phase field took."""
     seconds = run.info.get("seconds", {})
     parts = {name: seconds.get(name, 0.0) for name in ("phase_field", "increments")}
     if not parts["increments"]:
-        raise MetricError(f"{_name(run)}: tells no seconds of its steps; run it again")
+        raise MetricError(f"{run_name(run)}: tells no seconds of its steps; run it again")
     return parts["phase_field"] / parts["increments"]
-
-
-def history_difference(
-    run: RunData, reference: RunData, *, column: str, after: float = 0.0, until: float = np.inf, since_start: float = 0
-) -> float:
-    """Largest difference of a column of the history between two times, over the largest value of the reference.
-
-    since_start : 1 for the change of the column since the first row.
-    """
-    for source in (run, reference):
-        if column not in source.history:
-            known = ", ".join(source.history.columns)
-            raise MetricError(f"{_name(source)}: its history has no column {column}; it has {known}")
-    time = run.history["time"].to_numpy(float)
-    time = time[(time >= after) & (time <= until)]
-    value, target = (_at_times(source, column, time, bool(since_start)) for source in (run, reference))
-    return float(np.abs(value - target).max() / np.abs(target).max())
-
-
-def _at_times(run: RunData, column: str, times: Array, since_start: bool) -> Array:
-    values = run.history[column].to_numpy(float)
-    return np.interp(times, run.history["time"], values - values[0] * since_start)
-

@@ -14,8 +14,10 @@ import pandas as pd
 from scipy.optimize import least_squares, nnls
 
 from cases import Case, CaseError
+from cases.solvers import SOLVERS
+from numerics.description import Description, describe
+from numerics.explicit import number_of_steps
 from numerics.status import RunStatus
-from verify.planning.sizes import Size, fourth_order, size_of
 from verify.runs.atomic import write_text
 from verify.runs.run_folder import RunFolder, RunFolderError
 
@@ -32,13 +34,15 @@ USUAL_ERROR = 0.2
 #: coefficients that least squares puts at zero begin at this share of the largest one
 LEAST_SHARE = 1e-3
 Constants = dict[str, dict[str, float]]
+#: whose constants stand for those of a solver that none were fitted to
+_FIRST = next(iter(SOLVERS))
 
 
 @dataclass(frozen=True)
 class Demand:
     """What of a run its cost depends on, known before it is run.
 
-    solver : "fem", "mpm", or "gmres" where its systems are solved by iteration; order : of the basis
+    solver : by its name, or "gmres" where its systems are solved by iteration; order : of the basis
     passes : of the staggered scheme in an increment or step, one where it converges
     width : l0 / h, the cells in the width of a crack
     breaking, rigid : shares of the cells in bodies that can break and that stay rigid
@@ -71,21 +75,14 @@ def constants() -> Constants:
     return tomllib.loads(COSTS_FILE.read_text(encoding="utf-8"))
 
 
-def demand_of(case: Case, size: Size) -> Demand:
-    """What a run of this size asks for."""
+def demand_of(case: Case, solver: str, described: Description) -> Demand:
+    """What a run of this solver, which describes itself so for its case, asks for."""
     widths = [m.fracture.length_scale / case.mesh.h for m in case.materials.values() if m.fracture]
-    solver = "gmres" if size.solver == "mpm" and case.mpm.linear_solver == "gmres" else size.solver
-    # C1 elements have four unknowns of the phase field at a node, about as many couplings as quadratic splines
-    order = case.mpm.order if size.solver == "mpm" else 1 + fourth_order(case)
     return Demand(
-        kind_of(case), solver, order, _passes(case), size.increments, size.unknowns, size.points,
-        max(widths, default=0.0), size.breaking, size.rigid,
+        kind_of(case), "gmres" if described.iterative else solver, described.order, _passes(case),
+        _increments(case, described.stable_step), described.unknowns_displacement, described.points,
+        max(widths, default=0.0), described.breaking, described.rigid,
     )  # fmt: skip
-
-
-def cost_of(case: Case, size: Size, fitted: Constants | None = None) -> Cost:
-    """Predicted cost of a run of this size."""
-    return predict(demand_of(case, size), fitted)
 
 
 def predict(demand: Demand, fitted: Constants | None = None) -> Cost:
@@ -93,7 +90,8 @@ def predict(demand: Demand, fitted: Constants | None = None) -> Cost:
     fitted = fitted or constants()
     iterations = _iterations(demand, fitted)
     name, shapes = _shapes(demand, iterations)
-    seconds = sum(fitted[name][key] * shape for key, shape in shapes.items())
+    own = fitted.get(name) or fitted[_FIRST]
+    seconds = sum(own[key] * shape for key, shape in shapes.items())
     return Cost(iterations, seconds, sum(fitted["memory"][key] * shape for key, shape in _memory_shapes(demand).items()))
 
 
@@ -111,7 +109,12 @@ def _shapes(demand: Demand, iterations: float) -> tuple[str, dict[str, float]]:
     coupled = _coupled(demand)
     if demand.solver == "gmres":  # each system takes so long that nothing else counts
         return "gmres", {"per_unknown": coupled * iterations}
-    shapes = {"per_iteration": 1.0, "per_unknown": coupled, "per_factor": coupled * math.sqrt(demand.unknowns)}
+    shapes = {
+        "per_iteration": 1.0,
+        "per_point": demand.points * (demand.order + 1) ** 4 / 16.0,  # each adds to the couplings of its functions
+        "per_unknown": coupled,
+        "per_factor": coupled * math.sqrt(demand.unknowns),
+    }
     return demand.solver, {"per_run": 1.0} | {name: shape * iterations for name, shape in shapes.items()}
 
 
@@ -163,6 +166,15 @@ def _passes(case: Case) -> int:
     return case.staggered.passes if kind_of(case) in ("passes", *MOVING_KINDS) else 1
 
 
+def _increments(case: Case, stable_step: float | None) -> int:
+    """Increments of the load without shortened ones, or steps in time of which the largest stable one is known."""
+    if stable_step is not None:
+        return number_of_steps(case, stable_step)
+    ways = np.abs(np.diff(case.load.path))
+    path = float(ways.sum()) - case.load.prologue * float(ways[0] if len(ways) else 0.0)
+    return 1 + int(np.ceil(path / case.load.increment - 1e-9))
+
+
 # ---------------------------------------------------------------------------------------------- measured
 
 
@@ -186,8 +198,8 @@ def measured_runs(out: Path) -> pd.DataFrame:
 
 
 def _measured(run: RunFolder, case: Case) -> dict[str, object]:
-    info, demand = run.info, demand_of(case, size_of(case, run.info["run"]))
-    counters = info["counters"]
+    info, solver = run.info, run.info["solver"]
+    demand, counters = demand_of(case, solver, describe(case, solver)), info["counters"]
     told = {"case": case.name, "tier": case.tier, "run": info["run"], **asdict(demand)}
     told["counted_unknowns"] = counters.get("unknowns_displacement", demand.unknowns)
     # a phase field alone needs none, steps in time are not iterated
@@ -214,14 +226,21 @@ def fit(table: pd.DataFrame) -> Constants:
     iterated = iterated[~iterated["kind"].isin(MOVING_KINDS)]
     per_increment = np.log(iterated["iterations"] / (iterated["increments"] * iterated["passes"]))
     for kind, part in per_increment.groupby(iterated["kind"]):
-        fitted["iterations"][str(kind)] = float(np.exp(np.average(part, weights=weight[part.index])))
+        fitted["iterations"][str(kind)] = float(np.exp(_median(part, weight[part.index])))
     known = [_shapes(*pair) for pair in zip(_demands(table), table["iterations"], strict=True)]
     names = pd.Series([name for name, _ in known], table.index)
     shapes = pd.Series([shape for _, shape in known], table.index)
     for name, part in shapes.groupby(names):
-        fitted[str(name)] |= _coefficients(list(part), table.loc[part.index, "seconds"], weight[part.index])
+        own = _coefficients(list(part), table.loc[part.index, "seconds"], weight[part.index])
+        fitted[str(name)] = fitted.get(str(name), fitted[_FIRST]) | own
     fitted["memory"] |= _coefficients([_memory_shapes(d) for d in _demands(table)], table["memory_mb"], weight)
     return fitted
+
+
+def _median(values: pd.Series, weight: pd.Series) -> float:
+    """The value up to which half of the weight lies."""
+    passed = weight[values.sort_values().index].cumsum()
+    return float(values[passed.index[passed >= 0.5 * passed.iloc[-1]][0]])
 
 
 def _coefficients(shapes: list[dict[str, float]], values: pd.Series, weight: pd.Series) -> dict[str, float]:
@@ -280,3 +299,16 @@ def left_out(table: pd.DataFrame) -> pd.DataFrame:
 def within_factor(ratios: pd.Series, factor: float = 2.0) -> float:
     """Share of the ratios between 1 / factor and factor."""
     return float(((ratios <= factor) & (ratios >= 1.0 / factor)).mean())
+
+
+def judged(table: pd.DataFrame, fitted: Constants) -> pd.DataFrame:
+    """How far predictions are off: a row for each of `QUANTITIES`; columns median, least, most, within, left_out.
+
+    The last two are shares within a factor of two, of all runs and of each case with constants fitted to all others.
+    """
+    ratios, others = predicted(table, fitted), left_out(table)
+    rows = {
+        name: (r.median(), r.min(), r.max(), within_factor(r), within_factor(others[name]))
+        for name, r in ((name, ratios[name]) for name in QUANTITIES)
+    }
+    return pd.DataFrame.from_dict(rows, orient="index", columns=["median", "least", "most", "within", "left_out"])

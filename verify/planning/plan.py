@@ -1,95 +1,149 @@
 """What will be modelled before anything runs: sizes, increments, memory, time, and the savings in use."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cases import Case, load_case
+from cases.bodies import Body
 from cases.judging import merge
-from cases.schema import Body
-from verify.planning.calibration import cost_of
+from cases.spacing import count_cells
+from numerics.description import Description, describe
+from verify.planning.calibration import Cost, Demand, demand_of, predict
+from verify.planning.memory import check_memory
 from verify.planning.recorded_prices import chosen_savings, costs_of_savings
 from verify.planning.savings import Saving, all_off, savings
-from verify.planning.sizes import fourth_order, has_triangles, size_of
+from verify.runs.jobs import Job
 
 RULE = (
     "processor seconds on one thread, by a model of unknowns and iterations fitted to finished runs "
     "(`verify calibrate`); waiting for other programs comes on top"
 )
+#: cells of the grid that fit into the memory of any machine
+FEW_CELLS = 20_000
+NOTCHES = {
+    "slit": "a slit of no width",
+    "cells": "left-out cells",
+    "history": "an initial history field (Eq. 6.51)",
+}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What an accuracy asks of a run.
+
+    change : tables that the plan lays over it, because savings are too dear
+    too_dear : why, for each of them
+    unpriced : savings that are used without a recorded price
+    """
+
+    change: dict[str, Any] = field(default_factory=dict)
+    too_dear: dict[str, str] = field(default_factory=dict)
+    unpriced: str = ""
+
+    def sentences(self) -> list[str]:
+        """What is switched off and why, and what is left on unpriced."""
+        off = [f"{name} off: it {why}" for name, why in self.too_dear.items()]
+        return off + ([self.unpriced] if self.unpriced else [])
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Predicted size and cost of one run; seconds and memory are rough (a factor of two).
+    """Predicted size and cost of one run of a case as it will be done; seconds and memory are rough (a factor of two)."""
 
-    change : tables that the plan lays over the run, because savings are too dear for the accuracy wanted
-    too_dear : why, for each of them
-    unpriced : savings that are used without a recorded price, where an accuracy is wanted
-    """
-
-    case: str
-    tier: str
+    case: Case
     run: str
-    solver: str
-    regime: str
-    bodies: str
-    basis: str
-    notches: str
-    cells: int
-    points: int
-    unknowns_displacement: int
-    unknowns_phase_field: int
-    increments: int
-    explicit: bool
-    adaptive: bool
-    iterations: int
-    memory_mb: float
-    seconds: float
+    described: Description
+    demand: Demand
+    cost: Cost
     savings: tuple[Saving, ...]
     notes: tuple[str, ...]
-    change: dict[str, Any]
-    too_dear: dict[str, str]
-    unpriced: str
+    choice: Choice
+
+    @property
+    def title(self) -> str:
+        """Case, tier and run."""
+        return f"{self.case.name} · {self.case.tier} · {self.run}"
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What is planned and how, in words."""
+        said, case = self.described, self.case
+        return [
+            ("regime", _regime(case)),
+            ("bodies", ", ".join(f"{name}: {_regime_of(case, body)}" for name, body in case.bodies.items())),
+            ("solver", f"{case.run_spec(self.run).solver}: {said.basis}"),
+            ("notch", ", ".join(NOTCHES[notch.kind] for notch in case.notches) or "none"),
+            ("cells", f"{said.cells}; {said.fine}"),
+            ("points", f"{said.points}"),
+            ("unknowns", f"{said.unknowns_displacement} of u, {said.unknowns_phase_field} of c"),
+            ("increments", self._increments()),
+            ("memory", f"about {self.cost.memory_mb:.0f} MB"),
+            ("time", f"about {self.cost.seconds:.0f} s"),
+            *((saving.name, f"{'on' if saving.used else 'off'}: {saving.reason}") for saving in self.savings),
+            *(("note", note) for note in (*self.notes, self.choice.unpriced) if note),
+        ]
+
+    def _increments(self) -> str:
+        number = self.demand.increments
+        if self.case.dynamics is not None:
+            return f"{number} equal steps in time"
+        adapts = " or more, adaptive" if self.case.load.adaptive else ", constant"
+        iterations = f"about {round(self.cost.iterations)} staggered iterations in all"
+        return f"{number}{adapts}, {iterations}, about as many Newton iterations"
 
 
-def plan(case: Case, run_name: str, accuracy: float | None = None) -> Plan:
+def plan(case: Case, run: str, accuracy: float | None = None) -> Plan:
     """The plan of one run; ``case`` must be loaded with that run's changes merged in.
 
     accuracy : error allowed in each checked quantity; the dearest savings are switched off until the others together
         keep within it
+
+    Raises TooLargeError where this machine has too little memory.
     """
-    prices = costs_of_savings(case, run_name)
-    dear, reasons = chosen_savings(case, run_name, accuracy) if accuracy else ((), ())
-    change, too_dear = all_off(dear), dict(zip((saving.name for saving in dear), reasons, strict=True))
-    if change:
-        case = load_case(case.source, case.tier, run_name, merge(case.change, change))
-    size = size_of(case, run_name)
-    cost = cost_of(case, size)
-    return Plan(
-        case=case.name,
-        tier=case.tier,
-        run=run_name,
-        solver=size.solver,
-        regime=_regime(case),
-        bodies=_bodies(case),
-        basis=_basis(case, size.solver),
-        notches=_notches(case),
-        cells=size.cells,
-        points=size.points,
-        unknowns_displacement=size.unknowns,
-        unknowns_phase_field=size.unknowns_phase_field,
-        increments=size.increments,
-        explicit=case.dynamics is not None,
-        adaptive=case.load.adaptive and case.dynamics is None,
-        iterations=round(cost.iterations),
-        memory_mb=cost.memory_mb,
-        seconds=cost.seconds,
-        savings=_priced(case, prices, too_dear),
-        notes=_notes(case, accuracy),
-        change=change,
-        too_dear=too_dear,
-        unpriced=_unpriced(case, prices) if accuracy else "",
-    )
+    prices = costs_of_savings(case, run)
+    choice = _choice(case, run, accuracy, prices)
+    if choice.change:
+        case = load_case(case.source, case.tier, run, merge(case.change, choice.change))
+    solver = case.run_spec(run).solver
+    described = describe(case, solver)
+    demand = demand_of(case, solver, described)
+    cost = predict(demand)
+    check_memory(case, described.cells, cost)
+    told = _priced(case, prices, choice.too_dear)
+    return Plan(case, run, described, demand, cost, told, _notes(case, accuracy), choice)
+
+
+def planned_job(job: Job, accuracy: float | None) -> tuple[Job, list[str]]:
+    """A job with the savings that are too dear for an accuracy off, and what there is to say of it.
+
+    Raises TooLargeError where this machine has too little memory.
+    """
+    case = job.case()
+    if accuracy is not None:
+        choice = plan(case, job.run, accuracy).choice
+        return replace(job, change=choice.change), choice.sentences()
+    if count_cells(case) > FEW_CELLS:
+        expected_seconds(case, job.run)
+    return job, []
+
+
+def expected_seconds(case: Case, run: str) -> float:
+    """Processor seconds of a run, its case with the run's changes merged in.
+
+    Raises TooLargeError where this machine has too little memory.
+    """
+    described = describe(case, case.run_spec(run).solver)
+    cost = predict(demand_of(case, case.run_spec(run).solver, described))
+    check_memory(case, described.cells, cost)
+    return cost.seconds
+
+
+def _choice(case: Case, run: str, accuracy: float | None, prices: dict[str, float]) -> Choice:
+    if accuracy is None:
+        return Choice()
+    dear, reasons = chosen_savings(case, run, accuracy)
+    too_dear = dict(zip((saving.name for saving in dear), reasons, strict=True))
+    return Choice(all_off(dear), too_dear, _unpriced(case, prices))
 
 
 def _priced(case: Case, prices: dict[str, float], too_dear: dict[str, str]) -> tuple[Saving, ...]:
@@ -133,29 +187,7 @@ def _regime(case: Case) -> str:
     return "quasi-static, staggered" if case.fracture_enabled else "quasi-static, elastic"
 
 
-def _bodies(case: Case) -> str:
-    return ", ".join(f"{name}: {_regime_of(case, body)}" for name, body in case.bodies.items())
-
-
 def _regime_of(case: Case, body: Body) -> str:
     if body.rigid:
         return "rigid"
     return "breaks" if case.materials[body.material].fracture else "deforms, cannot break"
-
-
-def _basis(case: Case, solver: str) -> str:
-    if solver == "mpm":
-        return f"B-splines of order {case.mpm.order}, points placed {case.mpm.placement}"
-    if fourth_order(case):
-        return "bilinear quads, 3 x 3 Gauss points; phase field on Bogner-Fox-Schmit quads"
-    triangles = has_triangles(case, solver)
-    return "linear triangles, 3 Gauss points" if triangles else "bilinear quads, 2 x 2 Gauss points"
-
-
-def _notches(case: Case) -> str:
-    said = {
-        "slit": "a slit of no width",
-        "cells": "left-out cells",
-        "history": "an initial history field (Eq. 6.51)",
-    }
-    return ", ".join(said[notch.kind] for notch in case.notches) or "none"

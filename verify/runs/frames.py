@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verify.runs.atomic import write_file
+from verify.runs.listeners import Listener, ObservedDiscretisation
 
 if TYPE_CHECKING:
     from numerics.fields import Fields
     from numerics.records import Record
-    from verify.runs.run_folder import Discretisation
 
 #: points in a frame: more are not told apart on a screen
 MOST_POINTS = 60_000
@@ -35,19 +35,27 @@ class Frame:
     hydrostatic_stress: NDArray
 
 
-class FrameWriter:
-    """Listens to the records of a run and writes the frames that are due; those up to ``after`` are there."""
+class FrameWriter(Listener):
+    """Writes the frames that are due."""
 
-    def __init__(self, folder: Path, times: Sequence[float], after: float = -np.inf) -> None:
-        self._folder = folder
-        self._due = [(number, time) for number, time in enumerate(times) if time > after]
+    def __init__(self, folder: Path, times: Sequence[float]) -> None:
+        self._folder, self._due = folder, list(enumerate(times))
 
-    def record(self, record: Record, discretisation: Discretisation) -> None:
+    def start(self, after: Record | None, note: str) -> None:
+        """Those up to a record behind which the run goes on are there."""
+        self._reached(after)
+
+    def _reached(self, record: Record | None) -> list[int]:
+        """Numbers of the frames whose times a record reaches, which are due no longer."""
+        reached = [number for number, time in self._due if record and time <= record.u * (1.0 + 1e-9)]
+        self._due = self._due[len(reached) :]
+        return reached
+
+    def record(self, record: Record, discretisation: ObservedDiscretisation) -> None:
         """Write the frame whose time this record reaches, if there is one."""
-        reached = [number for number, time in self._due if time <= record.u * (1.0 + 1e-9)]
+        reached = self._reached(record) if record.is_good else []
         if not reached:
             return
-        self._due = self._due[len(reached) :]
         self._folder.mkdir(exist_ok=True)
         arrays = _arrays(discretisation.fields())
         write_file(

@@ -1,14 +1,13 @@
 """Runs to do: one after the other, in several processes at a time, or on the workers of a Dask cluster."""
 
-import math
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,16 +16,16 @@ from typing import Any
 from rich.console import Console
 
 from cases import Case, load_case
+from numerics.status import RunStatus
 from verify.runs.atomic import WriteError
 from verify.runs.cluster import LostTask, results
+from verify.runs.listeners import Listener, TimeLimit
 from verify.runs.progress import progress_view
 from verify.runs.provenance import source_hash
 from verify.runs.run_folder import RunFolder, case_folder
 from verify.runs.running import run, up_to_date
 
-
-class OutOfTimeError(Exception):
-    """A run was given up because it took longer than it was allowed to."""
+GO_ON = "go on behind its last checkpoint with `verify run --resume`"
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,8 @@ class Job:
     """One run to do; plain data, so that another process can take it.
 
     change : tables laid over those of the run
-    timeout : seconds of the wall's clock, from its first state, after which it is given up at its next increment; a run
-        that failed is then taken for finished as well, but for one that was given more time since
+    timeout : seconds of the wall's clock, from its first state, after which it is given up at its next record
+    failures_count : a run that failed is not done again, but for one that ran out of time and has more of it now
     """
 
     source: Path
@@ -48,6 +47,7 @@ class Job:
     resume: bool = False
     change: dict[str, Any] = field(default_factory=dict)
     timeout: float | None = None
+    failures_count: bool = False
     label: str = ""
 
     @property
@@ -66,12 +66,12 @@ class Job:
     def finished(self) -> RunFolder | None:
         """The run where it need not be done again."""
         case = self.case()
-        done = up_to_date(case, case_folder(self.out, case, self.run), failures_too=self.timeout is not None)
+        done = up_to_date(case, case_folder(self.out, case, self.run), self.failures_count)
         return None if done is not None and self._has_more_time_than(done) else done
 
     def _has_more_time_than(self, done: RunFolder) -> bool:
-        late = done.info["reason"].startswith(OutOfTimeError.__name__)
-        return late and self.timeout is not None and self.timeout > done.info["seconds"].get("total", 0.0)
+        late, taken = done.info["status"] == RunStatus.TIMED_OUT, done.info["seconds"].get("total", 0.0)
+        return late and (self.timeout is None or self.timeout > taken)
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,21 @@ def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator
     if jobs == 1 or len(todo) < 2:
         yield from map(do, todo)
         return
-    # a fresh process for each run: the thread count of a used one is fixed, and its memory not its own
-    with ProcessPoolExecutor(jobs, mp_context=_fresh_processes(), max_tasks_per_child=1) as pool:
-        for future in as_completed([pool.submit(_do_for_parent, job) for job in todo]):
+    slots = ThreadPoolExecutor(jobs)
+    try:
+        for future in as_completed([slots.submit(_in_a_process, job) for job in todo]):
             yield future.result()
+    finally:
+        slots.shutdown(cancel_futures=True)
+
+
+def _in_a_process(job: Job) -> Outcome:
+    """By a fresh process: the thread count of a used one is fixed, its memory not its own, and its end not theirs."""
+    with ProcessPoolExecutor(1, mp_context=_fresh_processes()) as pool:
+        try:
+            return pool.submit(_do_for_parent, job).result()
+        except BrokenProcessPool:
+            return Outcome(job.title, f"its process ended before it; {job.folder()}: {GO_ON}", True)
 
 
 def _on_cluster(todo: list[Job], address: str) -> Iterator[Outcome]:
@@ -111,8 +122,7 @@ def _on_cluster(todo: list[Job], address: str) -> Iterator[Outcome]:
     for (job, _), outcome in results(_do_on_worker, tasks, address):
         folder = job.folder()
         if isinstance(outcome, LostTask):
-            kept = "go on behind its last checkpoint with `verify run --resume`"
-            yield Outcome(job.title, f"{outcome.reason}; {folder}: {kept}", True)
+            yield Outcome(job.title, f"{outcome.reason}; {folder}: {GO_ON}", True)
         elif not (outcome.failed or folder.exists()):
             yield Outcome(job.title, f"{folder} is not there: the workers must share this machine's file system", True)
         else:
@@ -155,9 +165,9 @@ def do(job: Job) -> Outcome:
     """One run from start to end; a failure to write is a failed run, not the end of the others."""
     finished = None if job.force else job.finished()
     try:
-        with _progress(job, finished) as listener:
+        with _listeners(job, finished) as listeners:
             done = finished or run(
-                job.case(), job.run, job.tier, job.out, listener,
+                job.case(), job.run, job.tier, job.out, listeners,
                 threads=job.threads, force=True, resume=job.resume,
             )  # fmt: skip
     except WriteError as error:
@@ -166,26 +176,13 @@ def do(job: Job) -> Outcome:
 
 
 @contextmanager
-def _progress(job: Job, finished: RunFolder | None) -> Iterator[Any]:
+def _listeners(job: Job, finished: RunFolder | None) -> Iterator[list[Listener]]:
+    """To a run that is to be done: its progress display, and the limit of its time."""
     if finished:
-        yield None
+        yield []
         return
     with progress_view(job.title, Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty())) as view:
-        yield view if job.timeout is None else _until(job.timeout, view)
-
-
-def _until(timeout: float, view: Callable[[Any], None]) -> Callable[[Any], None]:
-    """The view, and the end of a run that takes too long from its first state on: compilation does not count."""
-    started = math.nan
-
-    def listen(increment: Any) -> None:
-        nonlocal started
-        view(increment)
-        started = time.perf_counter() if math.isnan(started) else started
-        if time.perf_counter() - started > timeout:
-            raise OutOfTimeError(f"more than {timeout:g} s, at u = {increment.u:.6g}")
-
-    return listen
+        yield [view] if job.timeout is None else [view, TimeLimit(job.timeout)]
 
 
 def _outcome(job: Job, done: RunFolder, was_up_to_date: bool) -> Outcome:
@@ -197,4 +194,5 @@ def _outcome(job: Job, done: RunFolder, was_up_to_date: bool) -> Outcome:
     if done.good:
         return Outcome(job.title, line, False)
     kept = "what came before is saved there" if info["increments"] else "there is no good state"
+    kept = GO_ON if info["status"] == RunStatus.TIMED_OUT else kept
     return Outcome(job.title, f"{line}; {info['reason']}; {kept}", True)

@@ -1,8 +1,7 @@
 """How a run tells where it is: a bar with the time left on a terminal, now and then a line elsewhere."""
 
 import time
-from types import TracebackType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import (
@@ -14,23 +13,13 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from verify.runs.listeners import Listener, ObservedDiscretisation
+
 if TYPE_CHECKING:
     from numerics.records import Record
 
 
-class ProgressView(Protocol):
-    """A listener to records that is open as long as the run goes on."""
-
-    def __enter__(self) -> "ProgressView": ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-    def __call__(self, record: "Record") -> None: ...
-
-
-class Bar:
+class Bar(Listener):
     """Progress bar over the share of the run that is done; its time left assumes an even pace."""
 
     def __init__(self, title: str, console: Console) -> None:
@@ -42,7 +31,7 @@ class Bar:
             TimeElapsedColumn(),
             TimeRemainingColumn(),
         )
-        self._progress = Progress(*columns, console=console)
+        self._title, self._progress = title, Progress(*columns, console=console)
         self._task = self._progress.add_task(title, total=1.0, state="")
 
     def __enter__(self) -> "Bar":
@@ -52,11 +41,17 @@ class Bar:
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def __call__(self, record: "Record") -> None:
+    def start(self, after: "Record | None", note: str) -> None:
+        """Say what there is to say above the bar."""
+        if note:
+            self._progress.console.print(f"{self._title}: {note}", markup=False, highlight=False)
+
+    def record(self, record: "Record", discretisation: ObservedDiscretisation) -> None:
+        """Move the bar."""
         self._progress.update(self._task, completed=record.share, state=record.text())
 
 
-class Lines:
+class Lines(Listener):
     """One plain line every ``interval`` seconds at most, for logs."""
 
     def __init__(self, title: str, console: Console, interval: float = 5.0) -> None:
@@ -64,13 +59,17 @@ class Lines:
         self._started = self._said_at = time.monotonic()
 
     def __enter__(self) -> "Lines":
-        self._say("started")
         return self
 
     def __exit__(self, *_: object) -> None:
         self._say(f"ended after {time.monotonic() - self._started:.1f} s")
 
-    def __call__(self, record: "Record") -> None:
+    def start(self, after: "Record | None", note: str) -> None:
+        """Say that it has begun, and where."""
+        self._say(note or "started")
+
+    def record(self, record: "Record", discretisation: ObservedDiscretisation) -> None:
+        """Say how far it is, now and then."""
         now = time.monotonic()
         if now - self._said_at < self._interval:
             return
@@ -84,6 +83,6 @@ class Lines:
         self._console.print(f"{self._title}: {text}", markup=False, highlight=False, soft_wrap=True)
 
 
-def progress_view(title: str, console: Console) -> ProgressView:
+def progress_view(title: str, console: Console) -> Bar | Lines:
     """A bar when ``console`` is a terminal, lines otherwise."""
     return Bar(title, console) if console.is_terminal else Lines(title, console)

@@ -16,7 +16,10 @@ PACKAGE = "fracture-verify"
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "pypardiso", "mkl", "pandas", "pyvista", "scikit-image")
 # What can change a run's numbers. Judging and drawing are left out: they never ask for a new run.
 SOLVING = ("cases", "physics", "numerics", "fem_reference", "mpm")
-SOLVING_MODULES = ("verify/runs/running.py", "verify/runs/run_folder.py", "verify/metrics/crack_path.py")
+SOLVING_MODULES = (
+    "verify/runs/running.py", "verify/runs/run_writer.py", "verify/runs/checkpoint.py", "verify/runs/listeners.py",
+    "verify/runs/frames.py", "verify/runs/vtk_files.py", "verify/metrics/crack_path.py",
+)  # fmt: skip
 
 
 @functools.cache
@@ -48,7 +51,7 @@ def source_hash() -> str:
     uncommitted edit of a solver does not.
     """
     files = [path for room in SOLVING for path in (ROOT / room).rglob("*.py")]
-    files += [ROOT / module for module in SOLVING_MODULES if (ROOT / module).exists()]
+    files += [ROOT / module for module in SOLVING_MODULES]
     digest = hashlib.sha256()
     for path in sorted(files):
         digest.update(path.relative_to(ROOT).as_posix().encode())

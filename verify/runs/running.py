@@ -5,7 +5,7 @@ import os
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -18,27 +18,19 @@ from cases.errors import UserError
 from cases.solvers import SOLVERS, Solver
 from numerics.costs import Costs
 from numerics.status import RunStatus
+from verify.runs.atomic import WriteError
+from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError, CheckpointWriter
 from verify.runs.frames import FrameWriter
+from verify.runs.listeners import Listener, ObservedDiscretisation, StoppedError
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
-from verify.runs.run_folder import (
-    Checkpoint,
-    Discretisation,
-    RunFolder,
-    RunFolderError,
-    RunWriter,
-    WriteError,
-    as_expected,
-    case_folder,
-    unfinished_checkpoint,
-)
+from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder
+from verify.runs.run_writer import RunWriter
 
 if TYPE_CHECKING:
     from numerics.records import Record
 
 DEFAULT_OUT = Path("reports/out")
 DEFAULT_THREADS = min(2, os.cpu_count() or 1)
-
-Listener = Callable[["Record"], None]
 
 
 class InterruptedRunError(UserError):
@@ -47,10 +39,10 @@ class InterruptedRunError(UserError):
     exit_code = 2
 
 
-def _builder(solver: Solver) -> Callable[[Case], Discretisation]:
+def _builder(solver: Solver) -> Callable[[Case], ObservedDiscretisation]:
     """What makes a solver's discretisation of a case, or one whose fine cells follow the crack."""
 
-    def build(case: Case) -> Discretisation:
+    def build(case: Case) -> ObservedDiscretisation:
         from numerics.refinement import FollowingDiscretisation
 
         module, _, name = (solver.dynamic if case.dynamics else solver.quasi_static).partition(":")
@@ -104,22 +96,12 @@ def up_to_date(
     return finished if same and (failures_too or finished.info["status"].repeatable) else None
 
 
-def unfinished(case: Case, folder: Path) -> Checkpoint | None:
-    """The checkpoint of an unfinished run of the same case by the same code, if there is one."""
-    saved = unfinished_checkpoint(folder)
-    return saved if saved is not None and saved.made_by == _identity(case) else None
-
-
-def _identity(case: Case) -> str:
-    return f"{case.hash()} {source_hash()}"
-
-
 def run(
     case: Case | str | Path,
     run_name: str,
     tier: str | None = None,
     out: Path | str = DEFAULT_OUT,
-    listener: Listener | None = None,
+    listeners: Sequence[Listener] = (),
     *,
     threads: int = DEFAULT_THREADS,
     force: bool = False,
@@ -133,10 +115,11 @@ def run(
     run_name : one of the runs that the case describes, such as "fem" or "mpm".
     tier : resolution, "standard" when not given.
     out : folder of all results; the run goes to ``<out>/runs/<case>/<tier>/<run>``.
-    listener : called with each record of the history.
+    listeners : hear of every record, after those that write the folder.
     threads : number of threads of compiled loops and linear algebra.
     force : compute even when the finished run is up to date.
-    resume : go on behind the checkpoint of an unfinished run of the same case and code, where there is one.
+    resume : go on behind the checkpoint of a stopped run of the same case and code, where there is one; where there is
+        one that cannot be gone on with, the listeners are told why and where it is kept.
 
     Raises
     ------
@@ -147,29 +130,27 @@ def run(
     merged = case_for_run(case, run_name, tier)
     folder = case_folder(Path(out), merged, run_name)
     finished = None if force else up_to_date(merged, folder)
-    after = unfinished(merged, folder) if resume else None
-    return finished or _compute(merged, run_name, folder, listener, threads, after)
+    return finished or _compute(merged, run_name, folder, listeners, threads, resume)
 
 
 def _compute(
-    case: Case,
-    run_name: str,
-    folder: Path,
-    listener: Listener | None,
-    threads: int,
-    after: Checkpoint | None,
+    case: Case, run_name: str, folder: Path, listeners: Sequence[Listener], threads: int, resume: bool
 ) -> RunFolder:
     from numerics.threads import use_threads
 
     use_threads(threads)
-    files = RunWriter(folder, case.snapshots, _identity(case), after)
+    identity = f"{case.hash()} {source_hash()}"
+    files = RunWriter(folder, case.snapshots)
     try:
-        with files as writer, PeakMemory() as memory:
-            attempt = _Attempt(case, run_name, writer, listener, after)
-            attempt.solve()
+        with files, PeakMemory() as memory:
+            after, note = _beginning(files, identity, resume)
+            checkpoints = CheckpointWriter(files.partial / CHECKPOINT_FILE, identity, files.flush_to_disk)
+            frames = FrameWriter(files.partial / "frames", case.frame_times)
+            attempt = _Attempt(case, run_name, after, [files, frames, checkpoints, *listeners])
+            attempt.solve(note, files.partial / "traceback.txt")
             info = attempt.info() | {"threads": threads, "memory_mb": round(memory.megabytes, 1)}
             info["resumed_after_step"] = after.record.step if after else None
-            writer.finish(info, attempt.crack_path)
+            files.close(info, attempt.crack_path)
     except KeyboardInterrupt as stopped:
         raise InterruptedRunError(
             f"Stopped: what was computed so far is in {files.partial} and will not be taken for a result; "
@@ -178,61 +159,63 @@ def _compute(
     return RunFolder(folder)
 
 
+def _beginning(files: RunWriter, identity: str, resume: bool) -> tuple[Checkpoint | None, str]:
+    """The checkpoint to go on behind, and what is said of it."""
+    try:
+        after = files.checkpoint(identity) if resume else None
+    except CheckpointError as error:
+        return None, f"begins anew, its checkpoint {error}; what there was is kept in {files.set_aside}"
+    return after, f"goes on after step {after.record.step}" if after else ""
+
+
 class _Attempt:
     """One solution of a case: drives the march and keeps what run.json tells."""
 
-    def __init__(
-        self,
-        case: Case,
-        run_name: str,
-        writer: RunWriter,
-        listener: Listener | None,
-        after: Checkpoint | None,
-    ) -> None:
-        self.case, self.run_name, self.writer, self.listener = case, run_name, writer, listener
-        self.after = after
-        self.discretisation: Discretisation | None = None
-        self.status: RunStatus = RunStatus.COMPLETE
-        self.reason = ""
+    def __init__(self, case: Case, run_name: str, after: Checkpoint | None, listeners: Sequence[Listener]) -> None:
+        self.case, self.run_name, self.after, self.listeners = case, run_name, after, listeners
+        self.discretisation: ObservedDiscretisation | None = None
+        self.status, self.reason = RunStatus.COMPLETE, ""
         self.seconds: dict[str, float] = {}
         self.measures: dict[str, float] = {}
         self.crack_path = np.empty((0, 2))
 
-    def solve(self) -> None:
+    def solve(self, note: str, trace: Path) -> None:
         """From the case to the last state; a solver's failure becomes the status ``failed``."""
-        from numerics.compilation import compilation
-
-        started, processor = time.perf_counter(), time.process_time()
+        started = time.perf_counter()
+        for listener in self.listeners:
+            listener.start(self.after.record if self.after else None, note)
         try:
-            with compilation() as compiled:
-                self.discretisation = DISCRETISATIONS[self.case.run_spec(self.run_name).solver](self.case)
-            self.seconds["set_up"] = time.perf_counter() - started - compiled.wall
-            processor = time.process_time() - processor - compiled.processor
-            self._warm_up(self.discretisation, compiled.wall)
-            self.discretisation.costs.seconds["processor"] = processor
-            self._take_up(self.discretisation)
-            self._march(self.discretisation)
+            self.discretisation = discretisation = self._build()
+            self._take_up(discretisation)
+            self._march(discretisation)
             if self.status != RunStatus.BLEW_UP:  # it has left the last good state behind
-                self._look_at_last_state(self.discretisation)
+                self._finish(discretisation)
         except (WriteError, CaseError):
             raise
         except Exception as error:
             self.status, self.reason = RunStatus.FAILED, _one_line(error)
-            with suppress(
-                OSError
-            ):  # the trace is for whoever mends the solver; the reason is enough for the user
-                (self.writer.partial / "traceback.txt").write_text(traceback.format_exc(), encoding="utf-8")
+            with suppress(OSError):  # for whoever mends the solver; the reason is enough for the user
+                trace.write_text(traceback.format_exc(), encoding="utf-8")
         self.seconds["total"] = time.perf_counter() - started
 
-    def _warm_up(self, discretisation: Discretisation, before: float) -> None:
-        """Compilation is paid once for each machine, not for each run: its time, that before included, is kept apart."""
-        started = time.perf_counter() - before
+    def _build(self) -> ObservedDiscretisation:
+        """The discretisation; compilation is paid once for each machine, not for each run: its time is kept apart."""
+        from numerics.compilation import compilation
+
+        started, processor = time.perf_counter(), time.process_time()
+        with compilation() as compiled:
+            discretisation = DISCRETISATIONS[self.case.run_spec(self.run_name).solver](self.case)
+        self.seconds["set_up"] = time.perf_counter() - started - compiled.wall
+        processor = time.process_time() - processor - compiled.processor
+        started = time.perf_counter() - compiled.wall
         warm_up = getattr(discretisation, "warm_up", None)
         if warm_up is not None:
             warm_up()
         self.seconds["warm_up"] = time.perf_counter() - started
+        discretisation.costs.seconds["processor"] = processor
+        return discretisation
 
-    def _take_up(self, discretisation: Discretisation) -> None:
+    def _take_up(self, discretisation: ObservedDiscretisation) -> None:
         """State, counters and times of the checkpoint, if the run goes on behind one."""
         if self.after is None:
             return
@@ -242,29 +225,31 @@ class _Attempt:
         if self.after.record.is_last:
             self.status, self.reason = self.after.record.status, self.after.record.reason
 
-    def _march(self, discretisation: Discretisation) -> None:
+    def _march(self, discretisation: ObservedDiscretisation) -> None:
+        behind = (self.after.record,) if self.after else ()
         started = time.perf_counter() - (self.after.record.seconds if self.after else 0.0)
         processor = discretisation.costs.seconds["processor"] - time.process_time()
-        behind = (self.after.record,) if self.after else ()
-        done = self.after.record.u if self.after else -math.inf
-        frames = FrameWriter(self.writer.partial / "frames", self.case.frame_times, done)
-        for record in solver_records(discretisation, self.case, *behind):
-            # a grid that is refined on the way has a new account
-            discretisation.costs.seconds["processor"] = processor + time.process_time()
-            if record.is_last:
-                self.status, self.reason = record.status, record.reason
-            if record.is_good:
-                self.writer.record(record, discretisation)
-                frames.record(record, discretisation)
-            if self.listener is not None:
-                self.listener(record)
+        try:
+            for record in solver_records(discretisation, self.case, *behind):
+                # a grid that is refined on the way has a new account
+                discretisation.costs.seconds["processor"] = processor + time.process_time()
+                if record.is_last:
+                    self.status, self.reason = record.status, record.reason
+                for listener in self.listeners:
+                    listener.record(record, discretisation)
+        except StoppedError as stopped:
+            self.status, self.reason = stopped.status, stopped.reason
         self.seconds["increments"] = time.perf_counter() - started
 
-    def _look_at_last_state(self, discretisation: Discretisation) -> None:
-        fields = self.writer.last_state(discretisation)
+    def _finish(self, discretisation: ObservedDiscretisation) -> None:
+        """The last good state: its fields, what only the solver can tell, and the crack."""
+        from verify.metrics.crack_path import crack_path
+
+        fields = discretisation.fields()
+        for listener in self.listeners:
+            listener.finish(discretisation, fields)
         self.measures = {name: float(value) for name, value in discretisation.measures().items()}
-        if fields is not None:
-            self.crack_path = _crack_path(fields, self.case)
+        self.crack_path = crack_path(fields, self.case)
 
     def info(self) -> dict[str, Any]:
         """Contents of run.json."""
@@ -297,9 +282,3 @@ class _Attempt:
 def _one_line(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
-
-def _crack_path(fields: Any, case: Case) -> np.ndarray:
-    """Polyline of the broken state; empty when nothing broke."""
-    from verify.metrics.crack_path import crack_path
-
-    return crack_path(fields, case)

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pyvista
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from numerics.fields import Fields
 
@@ -86,5 +87,14 @@ def pvd_text(times: list[float], files: list[str]) -> str:
 
 
 def write_mesh(mesh: pyvista.UnstructuredGrid, path: Path) -> None:
-    """Write a VTU file (binary, compressed)."""
-    mesh.save(path)
+    """Write a VTU file (binary, compressed).
+
+    Made in memory and written by Python: on a full disk VTK's own writer ends the process.
+    """
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(mesh)
+    writer.SetDataModeToBinary()
+    writer.SetCompressorTypeToZLib()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    path.write_text(writer.GetOutputString(), encoding="utf-8", newline="\n")

@@ -18,10 +18,11 @@ import pandas as pd
 
 from cases import Case, Check
 from cases.judging import merge
-from cases.studies import Chart, Quantity, Varied, coordinates
+from cases.studies import Chart, ChartedMetric, Varied, coordinates
 from numerics.status import RunStatus
 from verify.judging.targets import target_of, value_of
-from verify.metrics.registry import PAIR_METRICS, find_metric, fitted_order
+from verify.metrics.measures import fitted_order
+from verify.metrics.registry import PAIR_METRICS, find_metric
 from verify.runs.atomic import write_table
 from verify.runs.jobs import Job, Outcome
 from verify.runs.run_folder import RunFolder
@@ -82,6 +83,9 @@ def make_charts(
         tell(warning)
     times = Times(chart_folder(options.out, case) / "times.csv")
     times.measure(todo, options, repeats, tell)
+    for study in studies:
+        for sentence in study.without_error(times):
+            tell(sentence)
     return [study.write(times) for study in studies]
 
 
@@ -170,7 +174,7 @@ class ChartStudy:
         for quantity in self.chart.quantities:
             self._require_reference(quantity)
 
-    def _require_reference(self, quantity: Quantity) -> None:
+    def _require_reference(self, quantity: ChartedMetric) -> None:
         place = f"{self.case.source}: charts.{self.name}.quantities"
         try:
             find_metric(quantity.metric)
@@ -215,8 +219,8 @@ class ChartStudy:
 
     # ---- errors
 
-    def target(self, quantity: Quantity) -> Target | None:
-        """The reference of a quantity; None where it differs from level to level or could not be computed."""
+    def target(self, quantity: ChartedMetric) -> Target | None:
+        """The reference of a quantity; None where it differs from level to level or its runs do not give it."""
         if quantity.value is not None:
             return Target(quantity.value, 0.0)
         if self.chart.reference is None:
@@ -224,9 +228,12 @@ class ChartStudy:
         runs = [run for run in map(self._run, self.finest) if run is not None and run.good]
         if len(runs) < len(self.finest):
             return None
-        if quantity.metric in PAIR_METRICS:
-            return Target(0.0, _distance(quantity, runs[-2], runs[-1]), runs[-1])
-        values = [_value(quantity, run) for run in runs]
+        try:
+            if quantity.metric in PAIR_METRICS:
+                return Target(0.0, _distance(quantity, runs[-2], runs[-1]), runs[-1])
+            values = [_value(quantity, run) for run in runs]
+        except NO_VALUE:
+            return None
         at = coordinates(self.chart.reference.levels)
         return Target(*extrapolated(at, values, self.chart.reference.order), runs[-1])
 
@@ -242,7 +249,7 @@ class ChartStudy:
         return table
 
     def _row(
-        self, ladder: str, level: Variation, quantity: Quantity, target: Target | None, times: Times
+        self, ladder: str, level: Variation, quantity: ChartedMetric, target: Target | None, times: Times
     ) -> dict[str, Any]:
         run = self._run(level)
         row: dict[str, Any] = dict.fromkeys(COLUMNS, math.nan)
@@ -259,9 +266,12 @@ class ChartStudy:
         return row
 
     def _error(
-        self, quantity: Quantity, run: RunFolder, level: Variation, target: Target | None
+        self, quantity: ChartedMetric, run: RunFolder, level: Variation, target: Target | None
     ) -> dict[str, float]:
-        """Value, reference, uncertainty and relative error; nothing where the run does not give them."""
+        """Value, reference, uncertainty and relative error; what the run does not give is left out.
+
+        Of a reference of zero there is no relative error.
+        """
         try:
             if quantity.metric in PAIR_METRICS:
                 distance, unsure = self._distance(quantity, run, level, target)
@@ -269,29 +279,42 @@ class ChartStudy:
             value, target = _value(quantity, run), target or Target(self._exact(quantity, run, level), 0.0)
         except NO_VALUE:
             return {}
-        size = abs(target.value)
-        told = {"value": value, "reference": target.value, "uncertainty": target.uncertainty / size}
-        return told | {"error": abs(value - target.value) / size}
+        told, size = {"value": value, "reference": target.value}, abs(target.value)
+        if size == 0.0:
+            return told
+        error = find_metric(quantity.metric).error(value, target.value, "relative")
+        return told | {"uncertainty": target.uncertainty / size, "error": error}
 
     def _distance(
-        self, quantity: Quantity, run: RunFolder, level: Variation, target: Target | None
+        self, quantity: ChartedMetric, run: RunFolder, level: Variation, target: Target | None
     ) -> tuple[float, float]:
         """A metric of two runs, against the finest run or the exact curve, and how sure it is."""
         if target is not None and target.finest is not None:
             return _distance(quantity, run, target.finest), target.uncertainty
         return value_of(self._exact_check(quantity, level), self.case, lambda _: run), 0.0
 
-    def _exact(self, quantity: Quantity, run: RunFolder, level: Variation) -> float:
+    def _exact(self, quantity: ChartedMetric, run: RunFolder, level: Variation) -> float:
         exact = target_of(self._exact_check(quantity, level), self.case, lambda _: run)
         assert exact is not None, "only metrics of two runs have no value elsewhere"
         return exact
 
-    def _exact_check(self, quantity: Quantity, level: Variation) -> Check:
+    def _exact_check(self, quantity: ChartedMetric, level: Variation) -> Check:
         if self.chart.reference is not None:
             raise ValueError(f"charts.{self.name}.reference: a run of it did not end well")
         return check_of(quantity.metric, level.run, "exact", parameters=quantity.parameters)
 
     # ---- tables
+
+    def without_error(self, times: Times) -> list[str]:
+        """One sentence for each quantity of which no level has an error."""
+        table = self.table(times)
+        told = table.groupby("quantity", sort=False)[["value", "error"]].count()
+        return [
+            f"charts.{self.name}: {quantity} has no relative error: "
+            + ("its reference is zero or unknown." if row["value"] else "no level or not every reference gives it.")
+            for quantity, row in told.iterrows()
+            if not row["error"]
+        ]
 
     def write(self, times: Times) -> Path:
         """Write the three tables; returns the first."""
@@ -305,11 +328,11 @@ class ChartStudy:
         return folder / f"{self.name}.csv"
 
 
-def _value(quantity: Quantity, run: RunFolder) -> float:
+def _value(quantity: ChartedMetric, run: RunFolder) -> float:
     return find_metric(quantity.metric)(run, **quantity.parameters)
 
 
-def _distance(quantity: Quantity, run: RunFolder, finest: RunFolder) -> float:
+def _distance(quantity: ChartedMetric, run: RunFolder, finest: RunFolder) -> float:
     """A metric of two runs as a share: lengths are taken over the length of the finest run's crack."""
     metric = PAIR_METRICS[quantity.metric]
     distance = metric(run, finest, **quantity.parameters)

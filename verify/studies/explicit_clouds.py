@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.solver import ExplicitMaterialPoints
+from mpm.explicit.step_bound import stable_step
 from mpm.placement import PointCloud
 from mpm.splines import Axis
 from numerics.explicit import BlewUpError
-from numerics.time_steps import stable_step
 from physics.elasticity import MaterialTable
 from verify.studies.verdicts import BLEW_UP, STABLE, Verdict
 
@@ -110,15 +110,15 @@ def _solver_of(case: Case, points: NDArray) -> ExplicitMaterialPoints:
     cloud = PointCloud(h * points, volume, np.full((n, 2), 0.5 * h), np.full((n, 2), -0.25 * h), np.zeros(n, int))
     solver = ExplicitMaterialPoints(case, cloud)
     body, random = solver.bodies[0], np.random.default_rng(0)
-    for strain in (body.points.exx, body.points.eyy, body.points.gxy):
+    for strain in (body.points.elastic.exx, body.points.elastic.eyy, body.points.elastic.gxy):
         strain[:] = STRAIN * random.uniform(-1.0, 1.0, n)
     body.evaluate_stresses()
     return solver
 
 
 def _largest_strain(solver: ExplicitMaterialPoints) -> float:
-    points = solver.bodies[0].points
-    return max(float(np.abs(strain).max()) for strain in (points.exx, points.eyy, points.gxy))
+    elastic = solver.bodies[0].points.elastic
+    return max(float(np.abs(strain).max()) for strain in (elastic.exx, elastic.eyy, elastic.gxy))
 
 
 # ----------------------------------------------------------------------------------------- the theory

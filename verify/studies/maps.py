@@ -22,11 +22,10 @@ from cases import Case, CaseError
 from cases.judging import merge, nest
 from cases.studies import REACHED, RUN, Judged, Map, coordinates, level_changes
 from numerics.status import RunStatus
-from verify.judging.judge import error_of
 from verify.judging.targets import target_of
 from verify.metrics.registry import METRICS, find_metric
 from verify.runs.atomic import write_table
-from verify.runs.jobs import Job, OutOfTimeError
+from verify.runs.jobs import Job
 from verify.runs.run_folder import RunFolder
 from verify.studies.borders import BORDERS
 from verify.studies.probes import PROBES
@@ -61,7 +60,7 @@ WHOLE = 0.9
 #: how a run that did not end well is called on a map; a solver's further statuses are one more entry each
 VERDICTS = {
     RunStatus.NO_CONVERGENCE: NO_CONVERGENCE, RunStatus.EXPECTED_FAILURE: NO_CONVERGENCE,
-    RunStatus.BLEW_UP: BLEW_UP, RunStatus.FAILED: BLEW_UP,
+    RunStatus.BLEW_UP: BLEW_UP, RunStatus.FAILED: BLEW_UP, RunStatus.TIMED_OUT: TIMEOUT,
 }  # fmt: skip
 POWER_COLUMNS = ("y", "levels", "least", "largest", "power", "uncertainty")
 BORDER_COLUMNS = ("y", "below", "above", "verdict_below", "verdict_above", "measured", "border", "theory")
@@ -216,8 +215,7 @@ class MapStudy:
             why = {"reason": "the force is gone, nothing broke"}
             return Verdict(NUMERICAL_FRACTURE, **_at(history, torn), **(told | why))
         if len(history) == len(run.history) and info["status"] in VERDICTS:
-            late = info["reason"].startswith(OutOfTimeError.__name__)
-            return Verdict(TIMEOUT if late else VERDICTS[info["status"]], **_at(history), **told)
+            return Verdict(VERDICTS[info["status"]], **_at(history), **told)
         told["reason"] = "" if wanted is not None else told["reason"]
         drift = self._drift(history)
         if drift is not None:
@@ -240,8 +238,9 @@ class MapStudy:
         if judged is None:
             return Verdict(STABLE, **told)
         try:
-            value = find_metric(judged.metric)(run, **judged.parameters)
-            error = error_of(value, self._target(judged, run), judged.measure)
+            metric = find_metric(judged.metric)
+            value = metric(run, **judged.parameters)
+            error = metric.error(value, self._target(judged, run), judged.error_kind)
         except NO_VALUE as problem:
             return Verdict(NOT_POSSIBLE, **(told | {"reason": str(problem)}))
         return Verdict(self._accuracy(error), value=value, error=error, **told)
@@ -253,7 +252,7 @@ class MapStudy:
                 raise ValueError("the map's reference left no result")
             return find_metric(judged.metric)(reference, **judged.parameters)
         check = check_of(
-            judged.metric, run.info["run"], judged.against, measure=judged.measure, parameters=judged.parameters
+            judged.metric, run.info["run"], judged.against, error_kind=judged.error_kind, parameters=judged.parameters
         )
         return target_of(check, self.case, lambda _: run)
 

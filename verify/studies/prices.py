@@ -9,15 +9,14 @@ where the plan reads them.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from cases import Case, load_case
+from cases import Case, Check, load_case
 from numerics.status import RunStatus
-from verify.metrics.metric import Metric
+from verify.judging.acceptance import require_committed
 from verify.metrics.registry import METRICS, PAIR_METRICS, find_metric, metric_unit
 from verify.planning.recorded_prices import PRICE_COLUMNS, PRICES_FILE, read_prices
 from verify.planning.savings import all_off, savings
@@ -49,28 +48,25 @@ NO_SHARE = (*PATHS, "displacement_at_peak")
 Tell = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A checked metric with its parameters; one of a pair compares the run with that without the saving."""
+def _change(check: Check, usual: RunFolder, without: RunFolder) -> dict[str, Any]:
+    """A checked metric with and without the saving, and the relative change; not a number where there is none.
 
-    metric: str
-    parameters: dict[str, Any]
+    One of a pair compares the run with that without the saving.
+    """
+    if check.metric in PAIR_METRICS:
+        error = _value(check, usual, without)
+        return {"with": error, "without": 0.0, "change": math.nan if check.metric in NO_SHARE else error}
+    with_it, without_it = _value(check, usual), _value(check, without)
+    is_share = without_it != 0.0 and check.metric not in NO_SHARE
+    change = (with_it - without_it) / abs(without_it) if is_share else math.nan
+    return {"with": with_it, "without": without_it, "change": change}
 
-    def change(self, usual: RunFolder, without: RunFolder) -> dict[str, Any]:
-        """Its value with and without the saving, and the relative change; not a number where there is none."""
-        if self.metric in PAIR_METRICS:
-            error = self._value(find_metric(self.metric), usual, without)
-            return {"with": error, "without": 0.0, "change": math.nan if self.metric in NO_SHARE else error}
-        with_it, without_it = (self._value(find_metric(self.metric), run) for run in (usual, without))
-        is_share = without_it != 0.0 and self.metric not in NO_SHARE
-        change = (with_it - without_it) / abs(without_it) if is_share else math.nan
-        return {"with": with_it, "without": without_it, "change": change}
 
-    def _value(self, metric: Metric, *runs: RunFolder) -> float:
-        try:
-            return metric(*runs, **self.parameters)
-        except NO_VALUE:
-            return math.nan
+def _value(check: Check, *runs: RunFolder) -> float:
+    try:
+        return find_metric(check.metric)(*runs, **check.parameters)
+    except NO_VALUE:
+        return math.nan
 
 
 def price(
@@ -84,6 +80,7 @@ def price(
     Raises
     ------
     StudyError : no such run or saving, or no saving of its can be switched off.
+    JudgeError : prices of runs that were made by code that is not committed are to be recorded.
     """
     priced = [_Priced(case, name, options, only) for name in runs or _plain_runs(case)]
     todo = [job for one in priced for job in one.jobs()]
@@ -92,6 +89,8 @@ def price(
         known = dict.fromkeys(saving.name for one in priced for saving in one.all_switches)
         remedy = f"; its runs have: {', '.join(known)}" if known else ""
         raise StudyError(f"{case.source}: {what} of its runs can be switched off at tier {case.tier!r}{remedy}.")
+    if record:
+        _require_committed(todo)
     warning = announce(forecast(todo, options.at_once), f"The prices of {case.name}")
     if warning:
         tell(warning)
@@ -106,6 +105,13 @@ def price(
 
 def _plain_runs(case: Case) -> list[str]:
     return [name for name, spec in case.run_specs().items() if not spec.sweep_values]
+
+
+def _require_committed(todo: Sequence[Job]) -> None:
+    """Before anything is run: of what is finished the code that made it counts, else the code as it stands."""
+    for job in todo:
+        run = finished_run(job)
+        require_committed(run.info["code_version"] if run else code_version(), job.folder())
 
 
 def _record(case: Case, table: pd.DataFrame) -> None:
@@ -149,24 +155,24 @@ class _Priced:
         return [row for name, job in self._without() for row in self._rows_of(name, usual, finished_run(job))]
 
     def _rows_of(self, saving: str, usual: RunFolder, run: RunFolder | None) -> list[dict[str, Any]]:
-        told: dict[str, Any] = {"tier": self.case.tier, "run": self.run, "saving": saving, "version": code_version()}
-        told["case_hash"] = usual.info["case_hash"]
+        told: dict[str, Any] = {"tier": self.case.tier, "run": self.run, "saving": saving}
+        told |= {"version": usual.info["code_version"], "case_hash": usual.info["case_hash"]}
         told |= _costs(usual, "with")
         if run is None or not run.good:
             return [told | {"status": run.info["status"] if run else RunStatus.FAILED}]
         told |= _costs(run, "without")
         told["status"] = run.info["status"]
-        return [told | self._told(quantity) | quantity.change(usual, run) for quantity in self._quantities()]
+        return [told | self._told(check) | _change(check, usual, run) for check in self._priced_checks()]
 
-    def _told(self, quantity: Quantity) -> dict[str, str]:
-        return {"quantity": quantity.metric, "unit": metric_unit(quantity.metric, self.case)}
+    def _told(self, check: Check) -> dict[str, str]:
+        return {"quantity": check.metric, "unit": metric_unit(check.metric, self.case)}
 
-    def _quantities(self) -> list[Quantity]:
-        """What checks ask of this run, or of another against it: physical quantities, and errors of two runs."""
-        found: dict[str, Quantity] = {}
+    def _priced_checks(self) -> list[Check]:
+        """One for each quantity that checks ask of this run, or of another against it: physical ones, errors of two."""
+        found: dict[str, Check] = {}
         for _, check in self.case.applying_checks():
             if self.run in (check.run, check.target[1]) and _is_priced(check.metric):
-                found.setdefault(f"{check.metric}{check.parameters}", Quantity(check.metric, check.parameters))
+                found.setdefault(f"{check.metric}{check.parameters}", check)
         return list(found.values())
 
 

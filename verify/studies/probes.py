@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, onenormest, splu
 
 from cases import Case
-from mpm.explicit.kernels import turned_strain
 from mpm.explicit.solver import ExplicitMaterialPoints
+from mpm.explicit.stresses import turned_strain
 from mpm.quasi_static.solver import MaterialPoints
 from mpm.splines import Axis
 from numerics.explicit import instants

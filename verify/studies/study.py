@@ -15,8 +15,7 @@ from cases.judging import merge
 from cases.studies import Chart, Levels, Map, coordinates, level_changes
 from verify.metrics.curves import CurveError
 from verify.metrics.metric import MetricError
-from verify.planning.calibration import cost_of
-from verify.planning.sizes import size_of
+from verify.planning.plan import expected_seconds
 from verify.runs.cluster import worker_count
 from verify.runs.jobs import Job, Outcome, outcomes
 from verify.runs.provenance import source_hash
@@ -82,7 +81,7 @@ class Variation:
         """The run to do."""
         return Job(
             case.source, case.name, self.run, case.tier, options.out, options.threads,
-            resume=True, change=self.change, timeout=timeout, label=self.label,
+            resume=True, change=self.change, timeout=timeout, failures_count=timeout is not None, label=self.label,
         )  # fmt: skip
 
 
@@ -114,7 +113,7 @@ def text_of(value: Any) -> str:
 def forecast(todo: Iterable[Job], jobs: int) -> float:
     """Seconds that the jobs will take, as they are planned; what is finished takes none."""
     cases = [(job.case(), job.run) for job in todo if job.finished() is None]
-    return sum(cost_of(case, size_of(case, run)).seconds for case, run in cases) / jobs
+    return sum(expected_seconds(case, run) for case, run in cases) / jobs
 
 
 def announce(seconds: float, what: str) -> str:

@@ -10,7 +10,8 @@ def scaled_jacobian(nodes: NDArray, elements: NDArray) -> NDArray:
     """Least scaled Jacobian (n_elements,) over the corners of each triangle or quadrilateral (Knupp 2000).
 
     1 for squares and equilateral triangles, 0 where two edges fall together, negative where an element is turned
-    inside out. ``nodes`` (n, 2) [length], ``elements`` (n_elements, 3 or 4) counter-clockwise.
+    inside out, which VTK's measure of cells in a plane does not tell. ``nodes`` (n, 2) [length], ``elements``
+    (n_elements, 3 or 4) counter-clockwise.
     """
     corners = nodes[elements]
     ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners

@@ -1,24 +1,63 @@
-"""Compiled loops of explicit dynamics on a mesh; arrays are named as in ``fem_reference.quasi_static.kernels``.
+"""Compiled loops from the displacement of a mesh to strains, stresses and forces.
 
 The stress is kept in two parts, sigma = g sigma_plus + sigma_minus, so that the law is evaluated once in a step although
 the phase field, which fixes g, is known only after the strain is.
+
+``elements`` (n_el, k) corner numbers; ``slope`` (n_el, n_gauss, k, 2) gradients of the shape functions [1/length];
+``volume`` (n_el, n_gauss) weight times thickness. Local unknowns are ordered node by node, x before y.
 """
 
 from __future__ import annotations
 
-from numba import njit, prange
+from typing import NamedTuple
 
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from physics.elasticity import MaterialTable
 from physics.energy_splits import point_response
+from physics.phase_field import degradation, expected_change
+
+
+class ElementLaw(NamedTuple):
+    """Code of the split and in-plane Lamé constants [stress] of each element (n_el,)."""
+
+    split: NDArray
+    lam: NDArray
+    mu: NDArray
+
+    @classmethod
+    def of(cls, materials: MaterialTable, body: NDArray) -> ElementLaw:
+        """The laws of elements of bodies (n_el,)."""
+        return cls(materials.law.split[body], materials.lame_lambda[body], materials.shear_modulus[body])
+
+
+class Strain(NamedTuple):
+    """What follows from the displacement alone: its gradient (n_el, n_gauss, 4), the parts of the stress that are
+    degraded and not (n_el, n_gauss, 3), and those of the energy (n_el, n_gauss, 2)."""
+
+    gradient: NDArray
+    plus: NDArray
+    minus: NDArray
+    psi: NDArray
+
+    @classmethod
+    def zero(cls, shape: tuple[int, int]) -> Strain:
+        """No strain at points (n_el, n_gauss)."""
+        return cls(np.zeros((*shape, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros((*shape, 2)))
 
 
 @njit(cache=True, parallel=True)
-def evaluate_strain(nodes, slope, displacement, split, lam, mu, gradient, plus, minus, psi):
-    """Displacement gradient (n_el, n_gauss, 4), both parts of the stress (n_el, n_gauss, 3) and of the energy (.., 2)."""
-    for e in prange(nodes.shape[0]):
+def evaluate_strain(elements, slope, displacement, law, strain):
+    """The strain of a displacement (n_nodes, 2)."""
+    split, lam, mu = law.split, law.lam, law.mu
+    gradient, plus, minus, psi = strain.gradient, strain.plus, strain.minus, strain.psi
+    for e in prange(elements.shape[0]):
         for q in range(slope.shape[1]):
             xx = xy = yx = yy = 0.0
-            for a in range(nodes.shape[1]):
-                ux, uy = displacement[nodes[e, a], 0], displacement[nodes[e, a], 1]
+            for a in range(elements.shape[1]):
+                ux, uy = displacement[elements[e, a], 0], displacement[elements[e, a], 1]
                 xx += slope[e, q, a, 0] * ux
                 xy += slope[e, q, a, 1] * ux
                 yx += slope[e, q, a, 0] * uy
@@ -33,14 +72,13 @@ def evaluate_strain(nodes, slope, displacement, split, lam, mu, gradient, plus, 
 
 
 @njit(cache=True, parallel=True)
-def element_forces(slope, volume, phase_field, residual_stiffness, plus, minus, force):
+def element_forces(slope, volume, phase_field, residual_stiffness, strain, force):
     """Forces (n_el, 2k) of the stress degraded by the phase field (n_el, n_gauss)."""
+    plus, minus = strain.plus, strain.minus
     for e in prange(slope.shape[0]):
         force[e, :] = 0.0
-        k_f = residual_stiffness[e]
         for q in range(slope.shape[1]):
-            c = phase_field[e, q]
-            g = (1.0 - k_f) * c * c + k_f
+            g = degradation(phase_field[e, q], residual_stiffness[e])
             w = volume[e, q]
             sxx = w * (g * plus[e, q, 0] + minus[e, q, 0])
             syy = w * (g * plus[e, q, 1] + minus[e, q, 1])
@@ -67,10 +105,10 @@ def gather_at_nodes(starts, members, local, total):
 
 
 @njit(cache=True, parallel=True)
-def raise_history(psi, committed, phase_field, at_solution, drive, resistance, irreversible, history, change):
+def raise_history(psi, committed, phase_field, solved_for, drive, resistance, irreversible, history, change):
     """History field (n_el, n_gauss), and the largest change of the phase field to expect in each element (n_el,).
 
-    ``at_solution`` (n_el, n_gauss) is the history field for which the phase field was solved.
+    ``solved_for`` (n_el, n_gauss) is the history field for which the phase field was solved.
     """
     for e in prange(psi.shape[0]):
         largest = 0.0
@@ -79,6 +117,5 @@ def raise_history(psi, committed, phase_field, at_solution, drive, resistance, i
             if irreversible and committed[e, q] > value:
                 value = committed[e, q]
             history[e, q] = value
-            reaction = drive[e] * value + resistance[e]
-            largest = max(largest, drive[e] * abs(value - at_solution[e, q]) * phase_field[e, q] / reaction)
+            largest = max(largest, expected_change(phase_field[e, q], value, solved_for[e, q], drive[e], resistance[e]))
         change[e] = largest

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from cases import Case, CaseError, load_case
-from numerics.time_steps import stable_step
+from mpm.explicit.step_bound import stable_step
 from reports import draw_map, drawing_style
 from verify.runs import running
 from verify.studies import explicit_clouds, krylov, probes

@@ -1,0 +1,81 @@
+"""Bodies: their shapes, or meshes that the user brings, and how they move at the start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from pydantic import ValidationInfo, field_validator, model_validator
+
+from cases.errors import BrokenRuleError
+from cases.files import existing_file
+from cases.geometry import Array, Bounds, Shape, mesh_outline
+from cases.table import Name, Switch, Table, require_one
+from cases.units import Rate, Velocity
+
+MESH_SUFFIXES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".mesh", ".xdmf", ".e", ".exo")
+
+
+class Body(Table):
+    """A body of one material: a shape, or a mesh file with coordinates in the units of the case.
+
+    mesh : absolute path
+    rigid : keeps its velocity in a dynamic run, whatever it meets
+    velocity : at the start of a dynamic run, at the middle of the body's bounding box [length/time]
+    velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]] [1/time]
+    """
+
+    material: Name
+    shape: Shape | None = None
+    mesh: Path | None = None
+    rigid: Switch = False
+    velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
+    velocity_gradient: tuple[tuple[Rate, Rate], tuple[Rate, Rate]] = ((0.0, 0.0), (0.0, 0.0))
+
+    @field_validator("mesh")
+    @classmethod
+    def _is_a_mesh_file(cls, mesh: Path | None, info: ValidationInfo) -> Path | None:
+        if mesh is None:
+            return None
+        if mesh.suffix not in MESH_SUFFIXES:
+            raise BrokenRuleError(
+                "is not a mesh file", f"give one of {', '.join(MESH_SUFFIXES)}", value=str(mesh)
+            )
+        return existing_file(mesh, info, "a mesh file")
+
+    @model_validator(mode="after")
+    def _has_one_geometry(self) -> Body:
+        require_one(self, "geometry", ("shape", "mesh"))
+        return self
+
+    @model_validator(mode="after")
+    def _moves_as_a_whole_if_rigid(self) -> Body:
+        if self.rigid and np.any(self.velocity_gradient):
+            remedy = "give rigid = false, or the velocity alone"
+            text = "does not apply to a rigid body, which keeps one velocity"
+            raise BrokenRuleError(text, remedy, "velocity_gradient", self.velocity_gradient)
+        return self
+
+    def bounds(self) -> Bounds:
+        """Corners (2,), (2,) of the bounding box [length]."""
+        if self.shape:
+            return self.shape.bounds()
+        box = self._mesh_outline().bounds
+        return np.array(box[:2]), np.array(box[2:])
+
+    def contains(self, points: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+        """Mask (n,) of the points (n, 2) in the body, its outline moved outwards by `slack` [length]."""
+        if self.shape:
+            return self.shape.contains(points, slack)
+        return shapely.dwithin(self._mesh_outline(), shapely.points(np.asarray(points, dtype=float)), slack)
+
+    def initial_velocity(self, points: ArrayLike) -> Array:
+        """Velocity (n, 2) at points (n, 2) of the body at the start [length/time]."""
+        middle = np.mean(self.bounds(), axis=0)
+        return np.asarray(self.velocity) + (np.asarray(points) - middle) @ np.asarray(self.velocity_gradient).T
+
+    def _mesh_outline(self) -> shapely.geometry.base.BaseGeometry:
+        assert self.mesh is not None
+        return mesh_outline(self.mesh)

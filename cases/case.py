@@ -1,0 +1,62 @@
+"""A case: what its file holds, at one tier and for one run, and what can be asked of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from cases.judging import Check, TierName
+from cases.rules import fit_together
+from cases.schema import CaseDescription
+
+# Keys that say nothing about what is computed.
+_PROSE_AND_JUDGING = {"title", "section", "requirement", "runs", "tiers", "references", "checks", "charts", "maps"}
+_NOT_HASHED = _PROSE_AND_JUDGING | {"name", "tier", "run", "change", "folder", "source"}
+
+
+class Case(CaseDescription):
+    """A case at one tier, for one run or for none.
+
+    Attributes
+    ----------
+    name : of the folder in the library, or of the file
+    tier : whose tables were merged
+    run : whose change was merged; None for the case as it stands
+    change : tables merged over that run's by whoever varies the case
+    folder, source : where the file lies, and the file
+    """
+
+    name: str
+    tier: TierName = "standard"
+    run: str | None = None
+    change: dict[str, Any] = Field(default_factory=dict)
+    folder: Path
+    source: Path
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Case:
+        fit_together(self, self.applying_checks())
+        return self
+
+    def applying_checks(self) -> list[tuple[int, Check]]:
+        """Checks of this tier, which may have runs of its own, with their numbers; those of a family taken apart."""
+        specs = list(self.run_specs().values())
+        applying = [(number, check) for number, check in enumerate(self.checks) if self.tier in check.tiers]
+        return [(number, each) for number, check in applying for each in check.each(specs)]
+
+    def hash(self) -> str:
+        """First 16 hexadecimal digits of the SHA-256 of what is computed.
+
+        Equal hashes mean equal computations: prose, references, checks and the other runs do not enter, so
+        that results can be judged anew without computing again; mesh files enter with their content.
+        """
+        tables = self.model_dump(mode="json", exclude=_NOT_HASHED)
+        for name, body in self.bodies.items():
+            if body.mesh:
+                tables["bodies"][name]["mesh"] = hashlib.sha256(body.mesh.read_bytes()).hexdigest()
+        tables["solver"] = self.run_spec(self.run).solver if self.run else None
+        return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,252 @@
+"""Rules that look across the tables of a case; each raises BrokenRuleError for the first thing that breaks it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import shapely
+
+from cases.errors import BrokenRuleError
+from cases.geometry import SLACK, size_of
+from cases.judging import Check
+from cases.schema import CaseDescription, changeable_tables
+from cases.splits import ROOTED_SPLITS
+from cases.studies import Map, Varied
+from cases.table import nearest, only_known
+
+# Cells of spacing h in one direction; more is a slip of the pen.
+MOST_CELLS = 100_000
+# Bodies overlap when they share more than this part of the smaller one.
+_OVERLAP = 1e-6
+#: keys that explicit integration does not look at, with the value that says what it does, None where none does
+WITHOUT_EFFECT: dict[str, Any] = {
+    "mesh.geometry": "initial",
+    "mesh.follow_crack": False,
+    "mpm.constraints_on": "edges",
+    "mpm.penalty": None,
+    "mpm.strain": "updated",
+    "mpm.move_points": True,
+    "mpm.fill_cells": False,
+    "mpm.margin": None,
+    "mpm.linear_solver": "direct",
+    "staggered.scheme": "passes",
+    "staggered.residual_tolerance": None,
+    "staggered.memory": None,
+    "staggered.largest_iterations": None,
+}
+
+
+def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> None:
+    """Raise BrokenRuleError where tables contradict each other; ``checks`` are those that apply, with their numbers."""
+    _names_are_defined(case)
+    _is_static_or_dynamic(case)
+    _stiffnesses_apply(case)
+    _length_scales_are_resolved(case)
+    _basis_is_smooth_enough(case)
+    _bodies_are_apart(case)
+    _notches_are_in_bodies(case)
+    _spacing_fits_the_bodies(case)
+    _checks_have_targets(case, checks)
+    _studies_vary_runs(case)
+
+
+def _names_are_defined(case: CaseDescription) -> None:
+    for name, body in case.bodies.items():
+        _defined(body.material, list(case.materials), f"bodies.{name}.material", "material")
+    prescribed = set()
+    for number, constraint in enumerate(case.constraints):
+        _defined(constraint.on, list(case.boundaries), f"constraints[{number}].on", "boundary")
+        if (constraint.on, constraint.direction) in prescribed:
+            text = f"prescribes direction {constraint.direction} of '{constraint.on}' again"
+            raise BrokenRuleError(text, "remove one of the two", f"constraints[{number}]")
+        prescribed.add((constraint.on, constraint.direction))
+    for number, traction in enumerate(case.tractions):
+        _defined(traction.on, list(case.boundaries), f"tractions[{number}].on", "boundary")
+    for number, pair in enumerate(case.contact.pairs):
+        for name in pair.bodies:
+            _defined(name, list(case.bodies), f"contact.pairs[{number}].bodies", "body")
+
+
+def _is_static_or_dynamic(case: CaseDescription) -> None:
+    if ("load" in case.model_fields_set) == (case.dynamics is not None):
+        has = "both" if case.dynamics else "neither"
+        raise BrokenRuleError(
+            f"has {has} of the tables load and dynamics", "give one of them", "load" if case.dynamics else ""
+        )
+    (_fits_dynamics if case.dynamics else _fits_statics)(case)
+
+
+def _fits_statics(case: CaseDescription) -> None:
+    moving = ["tractions"] if case.tractions else []
+    moving += [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
+    moving += ["output.times"] if case.output.times or case.output.frames else []
+    if moving:
+        raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
+
+
+def _fits_dynamics(case: CaseDescription) -> None:
+    for name in {body.material: None for body in case.bodies.values()}:
+        if case.materials[name].density is None:
+            raise BrokenRuleError("is missing", "add it, since dynamics needs mass", f"materials.{name}.density")
+    if all(body.rigid for body in case.bodies.values()):
+        key = f"bodies.{next(iter(case.bodies))}.rigid"
+        raise BrokenRuleError("leaves nothing that moves freely", "give rigid = false", key, True)
+    for number, constraint in enumerate(case.constraints):
+        if constraint.velocity is None and constraint.value is None:
+            text = "does not apply in dynamics"
+            raise BrokenRuleError(text, "give value = 0 or a velocity", f"constraints[{number}]")
+        if constraint.value and constraint.direction != "phase":
+            remedy = "give value = 0 or a velocity"
+            raise BrokenRuleError("is a jump in time", remedy, f"constraints[{number}].value", constraint.value)
+    if case.output.snapshots:
+        raise BrokenRuleError("are load parameters", "give output.times instead", "output.snapshots")
+    _is_not_passed_over(case)
+
+
+def _is_not_passed_over(case: CaseDescription) -> None:
+    """Nothing in a dynamic case asks for what will not be done."""
+    for key, done in WITHOUT_EFFECT.items():
+        table, name = key.split(".")
+        value = getattr(getattr(case, table), name)
+        if name in getattr(case, table).model_fields_set and value != done:
+            remedy = "remove it" if done is None else f"remove it or give {json.dumps(done)}"
+            raise BrokenRuleError("has no effect in dynamics", remedy, key, value)
+    assert case.dynamics is not None
+    end = case.dynamics.end_time
+    for number, time in enumerate(case.output.times):
+        if time > end * (1.0 + SLACK):
+            remedy = f"give a time up to dynamics.end_time = {end:g}"
+            raise BrokenRuleError("comes after the end", remedy, f"output.times[{number}]", time)
+
+
+def _stiffnesses_apply(case: CaseDescription) -> None:
+    for name in {body.material: None for body in case.bodies.values()}:
+        stiffness, fracture = case.materials[name].stiffness, case.materials[name].fracture
+        if stiffness is not None and stiffness.is_engineering and case.plane.assumption == "strain":
+            remedy = 'give C11, C22, C66, C12 of plane strain, or plane.assumption = "stress"'
+            raise BrokenRuleError(
+                "has engineering constants, which leave plane strain open", remedy, f"materials.{name}.stiffness"
+            )
+        if case.dynamics is None:
+            continue
+        if stiffness is not None:
+            remedy = "give an isotropic pair, or the table load instead of dynamics"
+            raise BrokenRuleError("applies in quasi-static cases only", remedy, f"materials.{name}.stiffness")
+        if fracture is not None and fracture.split in ROOTED_SPLITS:
+            remedy = "give another split, or the table load instead of dynamics"
+            key = f"materials.{name}.fracture.split"
+            raise BrokenRuleError("applies in quasi-static cases only", remedy, key, fracture.split)
+
+
+def _length_scales_are_resolved(case: CaseDescription) -> None:
+    for name, material in case.materials.items():
+        if case.mesh.under_resolved or material.fracture is None:
+            continue
+        if material.fracture.length_scale < case.mesh.h:
+            remedy = f"make mesh.h = {case.mesh.h:g} no more than the length scale"
+            key = f"materials.{name}.fracture.length_scale"
+            raise BrokenRuleError(
+                "is below the mesh spacing", remedy, key, material.fracture.length_scale
+            )
+
+
+def _basis_is_smooth_enough(case: CaseDescription) -> None:
+    if case.mpm.order > 1:
+        return
+    for name, material in case.materials.items():
+        if material.fracture is not None and material.fracture.order == 4:
+            text = f"has no second derivatives, which materials.{name}.fracture.order = 4 asks for"
+            raise BrokenRuleError(text, "set it to 2 or 3", "mpm.order", case.mpm.order)
+
+
+def _bodies_are_apart(case: CaseDescription) -> None:
+    outlines = [(name, body.shape.outline()) for name, body in case.bodies.items() if body.shape]
+    for (first, a), (second, b) in combinations(outlines, 2):
+        if a.intersection(b).area > _OVERLAP * min(a.area, b.area):
+            remedy = "move them apart or cut one out of the other with 'difference'"
+            raise BrokenRuleError(f"overlaps the body '{first}'", remedy, f"bodies.{second}")
+
+
+def _notches_are_in_bodies(case: CaseDescription) -> None:
+    if any(body.mesh for body in case.bodies.values()):
+        return  # reading meshes is left to whoever needs them
+    # a slit may go on through a gap that is narrower than the cells, such as a notch that tapers
+    outlines = [body.shape.outline() for body in case.bodies.values() if body.shape]
+    hull = shapely.union_all(outlines).convex_hull.buffer(SLACK * size_of(case.bounding_box()))
+    for number, notch in enumerate(case.notches):
+        for end, point in (("start", notch.start), ("end", notch.end)):
+            if not hull.covers(shapely.Point(point)):
+                key = f"notches[{number}].{end}"
+                raise BrokenRuleError(
+                    "lies outside the bodies", "move it into or onto one", key, list(point)
+                )
+
+
+def _spacing_fits_the_bodies(case: CaseDescription) -> None:
+    if any(body.mesh for body in case.bodies.values()):
+        return
+    lower, upper = case.bounding_box()
+    if case.mesh.fine is not None:
+        remedy = f"place it inside {lower.tolist()} to {upper.tolist()}"
+        for number, box in enumerate(case.mesh.refine):
+            if np.any(np.asarray(box.upper) < lower) or np.any(np.asarray(box.lower) > upper):
+                raise BrokenRuleError("lies outside the bodies", remedy, f"mesh.refine[{number}]")
+        lower, upper = np.maximum(lower, case.mesh.fine.lower), np.minimum(upper, case.mesh.fine.upper)
+        if np.any(lower >= upper):
+            raise BrokenRuleError("lies outside the bodies", remedy, "mesh.fine")
+    if np.max(upper - lower) > MOST_CELLS * case.mesh.h:
+        text = f"asks for more than {MOST_CELLS} cells in one direction"
+        raise BrokenRuleError(text, "give a larger spacing or a smaller fine box", "mesh.h", case.mesh.h)
+
+
+def _checks_have_targets(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> None:
+    runs = list(dict.fromkeys([*case.runs, *case.expanded_runs()]))
+    for number, check in checks:
+        _defined(check.run, runs, f"checks[{number}].run", "run")
+        kind, name = check.target
+        if kind == "run":
+            _defined(name, runs, f"checks[{number}].against", "run")
+        if kind == "reference":
+            _reference_has_the_metric(case, name, check.metric, f"checks[{number}].against")
+        if kind == "exact" and case.exact is None and not any(c.motion for c in case.constraints):
+            key = f"checks[{number}].against"
+            raise BrokenRuleError(
+                "has no exact solution to compare with", "add the key 'exact'", key, check.against
+            )
+
+
+def _reference_has_the_metric(case: CaseDescription, name: str, metric: str, key: str) -> None:
+    _defined(name, list(case.references), key, "reference", f"reference:{name}")
+    reference = case.references[name]
+    if metric not in reference.values and reference.curve is None:
+        remedy = f"add {metric} to references.{name}.values, or a curve"
+        raise BrokenRuleError(f"has no value of {metric}", remedy, key, f"reference:{name}")
+
+
+def _studies_vary_runs(case: CaseDescription) -> None:
+    for name, chart in case.charts.items():
+        only_known(chart.change, changeable_tables(), f"charts.{name}.change", "may not be varied")
+        varied: dict[str, Varied] = {f"ladders.{key}": ladder for key, ladder in chart.ladders.items()}
+        varied |= {"reference": chart.reference} if chart.reference else {}
+        for key, table in varied.items():
+            _varies_a_run(case, table, f"charts.{name}.{key}")
+    for name, chosen in case.maps.items():
+        if chosen.run is not None:
+            _varies_a_run(case, chosen, f"maps.{name}")
+
+
+def _varies_a_run(case: CaseDescription, varied: Varied | Map, place: str) -> None:
+    _defined(str(varied.run), case.expanded_runs(), f"{place}.run", "run")
+    only_known(varied.change, changeable_tables(), f"{place}.change", "may not be varied")
+    tables = {key.partition(".")[0]: None for key in varied.varied_keys()}
+    only_known(tables, changeable_tables(), place, "may not be varied")
+
+
+def _defined(name: str, known: list[str], key: str, what: str, value: str | None = None) -> None:
+    if name not in known:
+        remedy = nearest(name, known, f"define the {what}")
+        raise BrokenRuleError(f"is not a {what} of this case", remedy, key, value or name)

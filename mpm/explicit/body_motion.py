@@ -1,0 +1,62 @@
+"""How a body moves as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from mpm.explicit.moving_body import MovingBody
+
+#: least moment of inertia of a body that can spin, over that about the window's corner: less is round-off
+LEAST_INERTIA = 1e-14
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """Mass, centre of mass (2,) [length], momentum (2,), angular velocity [1/time], kinetic energy of a body."""
+
+    mass: float
+    place: NDArray
+    momentum: NDArray
+    spin: float
+    energy: float
+
+    @classmethod
+    def of(cls, body: MovingBody) -> BodyMotion:
+        """Its present motion, in one pass over its points."""
+        strips, lattice = body.window.strips, body.lattice
+        parts = np.zeros((len(strips) - 1, 8))
+        sum_motion(strips, body.points.motion, body.points.matter.mass, parts)
+        mass, x, y, square, momentum_x, momentum_y, turning, energy = parts.sum(axis=0)
+        middle = np.array([x, y]) / mass
+        inertia = square - mass * float(middle @ middle)
+        turning -= float(middle[0] * momentum_y - middle[1] * momentum_x)
+        # a single point has no spin
+        spin = turning / (lattice.h * inertia) if inertia > LEAST_INERTIA * square else 0.0
+        place = lattice.origin + lattice.h * (body.window.corner + middle)
+        return cls(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
+
+
+@njit(cache=True, parallel=True)
+def sum_motion(strips, motion, mass, parts):
+    """Sums over the points of each strip (n_strips, 8): mass, its moments and second moment about the window's corner,
+    momentum, its moment, and kinetic energy; places in cells."""
+    x, y, vx, vy = motion.x, motion.y, motion.vx, motion.vy
+    for strip in prange(len(strips) - 1):
+        m = mx = my = square = px = py = turning = energy = 0.0
+        for p in range(strips[strip], strips[strip + 1]):
+            one, two = mass[p] * vx[p], mass[p] * vy[p]
+            m += mass[p]
+            mx += mass[p] * x[p]
+            my += mass[p] * y[p]
+            square += mass[p] * (x[p] * x[p] + y[p] * y[p])
+            px += one
+            py += two
+            turning += x[p] * two - y[p] * one
+            energy += 0.5 * (one * vx[p] + two * vy[p])
+        sums = (m, mx, my, square, px, py, turning, energy)
+        for k in range(len(sums)):
+            parts[strip, k] = sums[k]

@@ -1,0 +1,67 @@
+"""Values of finished runs become the baseline of a case and tier, with the version of the code that made them."""
+
+import math
+from collections.abc import Iterable
+from datetime import date
+from pathlib import Path
+
+from cases import Case, Check
+from verify.judging.baseline import BaselineRow, parameters_text, read_baseline, write_baseline
+from verify.judging.judge import Judge, UnavailableError, checks_of, find_runs
+from verify.judging.targets import JudgeError, members_of
+from verify.metrics.curves import CurveError
+from verify.metrics.registry import metric_unit
+from verify.runs.run_folder import RunFolder, RunFolderError
+
+#: end of the version of code that is not committed
+DIRTY = "-dirty"
+
+
+def require_committed(version: str, folder: Path) -> None:
+    """Raises JudgeError for a run made by code that is not committed, so that nobody could make it again."""
+    if version.endswith(DIRTY):
+        raise JudgeError(f"{folder}: is made by code that is not committed ({version}); commit it and run with --force.")
+
+
+def _version_of(runs: Iterable[RunFolder]) -> str:
+    """Version of the code that made the runs, where it differs all of them."""
+    versions = set()
+    for run in runs:
+        require_committed(run.info["code_version"], run.folder)
+        versions.add(run.info["code_version"])
+    return ", ".join(sorted(versions))
+
+
+def accept(case: Case, reason: str, out: Path) -> list[BaselineRow]:
+    """Make the values of the finished runs the baseline of this tier; the other tiers' rows stay.
+
+    Raises
+    ------
+    JudgeError : no reason, no check against the baseline, or a run that is not there, did not end well or was made by
+        code that is not committed.
+    """
+    reason = " ".join(reason.split())
+    if not reason:
+        raise JudgeError('A baseline changes only with a reason: give --reason "why the new values are right".')
+    checks = [check for check in checks_of(case) if check.against == "baseline"]
+    if not checks:
+        raise JudgeError(f"{case.source}: no check of tier {case.tier!r} is against the baseline; nothing to accept.")
+    judge = Judge(case, find_runs(case, out))
+    rows = {row.key: row for row in (_accepted(case, check, judge, reason) for check in checks)}
+    kept = [row for row in read_baseline(case) if row.tier != case.tier]
+    write_baseline(case, [*kept, *rows.values()])
+    return list(rows.values())
+
+
+def _accepted(case: Case, check: Check, judge: Judge, reason: str) -> BaselineRow:
+    try:
+        value = judge.value(check)
+        version = _version_of(judge.available(name) for name in members_of(case, check.run))
+    except (UnavailableError, CurveError, RunFolderError, ValueError) as error:
+        raise JudgeError(f"{case.name}: {check.metric} of {check.run!r} cannot be accepted: {error}.") from error
+    if not math.isfinite(value):
+        raise JudgeError(f"{case.name}: {check.metric} of {check.run!r} is {value}; nothing was accepted.")
+    unit, today = metric_unit(check.metric, case), date.today().isoformat()
+    return BaselineRow(
+        case.tier, check.run, check.metric, parameters_text(check), value, unit, reason, version, today
+    )
