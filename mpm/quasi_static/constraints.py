@@ -17,6 +17,7 @@ from cases.boundaries import BoundarySet, nearest_on_segment
 from cases.geometry import Circle
 from mpm.grid import Grid, GridError
 from mpm.placement import PointCloud
+from mpm.quasi_static.point_basis import PointBasis
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.exact import MOTIONS
@@ -242,9 +243,10 @@ class PointPenalty:
         masters = [np.full(len(m.places), t if m.tied else -1) for m, t in zip(motions, tied, strict=True)]
         self._master = _joined(masters, int)
 
-    def find_in_grid(self, nodes: NDArray, value: NDArray, equations: NDArray, size: int) -> None:
-        """Take the nodes (n_springs, k) and basis values (n_springs, k) at the springs' present places."""
-        self._value, self._unknowns = value, 2 * nodes + self.component[:, None]
+    def find_in_grid(self, basis: PointBasis, equations: NDArray, size: int) -> None:
+        """Take the basis at the springs' present places."""
+        self._value = basis.values_beside(self.places, self.offset)
+        self._unknowns = 2 * basis.active.nodes_of_points()[self.places] + self.component[:, None]
         self._equations, self._size = equations[self._unknowns], size
         self._first_master = size - self.n_tied
 

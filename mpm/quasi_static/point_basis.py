@@ -101,6 +101,10 @@ class PointBasis:
         cells = (part[points] for part in self._places)
         return self.grid.evaluate(self._positions[points] + offset, *cells)[0]
 
+    def displacement(self, nodal: NDArray) -> NDArray:
+        """Displacement (n_points, 2) of the points for one of the nodes (n_nodes, 2)."""
+        return np.einsum("pa,pai->pi", self.own_value, nodal[self.active.nodes_of_points()])
+
     def _grid_shift(self, displacement: NDArray) -> NDArray:
         """Where the grid is put in this step, as a shift (2,): it goes with the material at the slits' tips.
 

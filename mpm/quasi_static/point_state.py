@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from numerics.newton import load_ratio
 from numerics.phase_field_equation import ScalarAtPoints
 from numerics.refinement import carried
 
@@ -119,4 +120,28 @@ class TrialState:
             tied=state.tied.copy(),
             nodal_forces=np.zeros(2 * n_nodes),
             load=state.load,
+        )
+
+    def go_to(self, load: float, so_far: NDArray) -> None:
+        """Begin with a new load: with the displacement of the grid's nodes so far (n_nodes, 2) grown with it."""
+        if load != self.load:
+            further = load_ratio(load, self.load) - 1.0
+            self.increment += further * so_far
+            self.tied = (1.0 + further) * self.tied
+            self.load = load
+
+    def committed(self, before: PointState, displacement: NDArray, held: NDArray) -> PointState:
+        """The state with what has changed since the one before; displacements (n_points, 2) and (n_springs,)."""
+        return replace(
+            before,
+            displacement=displacement,
+            gradient=self.gradient.copy(),
+            phase_field=self.at_points.value.copy(),
+            nodal_phase_field=self.nodal_phase_field,
+            so_far=before.so_far + self.increment,
+            held=held,
+            tied=self.tied,
+            load=self.load,
+            # not before: a load step starts from a jump whose forces say nothing
+            force_scale=max(before.force_scale, self.applied),
         )

@@ -22,7 +22,7 @@ from mpm.quasi_static.point_state import Places, PointState, TrialState
 from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
-from numerics.newton import TORN_STIFFNESS, load_ratio, newton
+from numerics.newton import TORN_STIFFNESS, newton
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
 
@@ -54,8 +54,6 @@ class MaterialPoints:
         )
         self.trial = TrialState.of(self.state)
         self.costs.count["points"] = len(cloud.positions)
-
-    # ---------------------------------------------------------------- staggered scheme
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the clock times the work alone."""
@@ -90,14 +88,12 @@ class MaterialPoints:
         self.trial.tied = self.state.tied.copy()
 
     def _find_points_in_grid(self) -> None:
-        basis, springs = self.basis, self._springs
+        basis = self.basis
         if basis.find_points(self.state):
             self._use_cells(basis.active)
         if self._fracture:
             self._fracture.find_points(basis.active)
-        value = basis.values_beside(springs.places, springs.offset)
-        nodes = basis.active.nodes_of_points()[springs.places]
-        springs.find_in_grid(nodes, value, self._equilibrium.equations, self._equilibrium.size)
+        self._springs.find_in_grid(basis, self._equilibrium.equations, self._equilibrium.size)
         self._external = self._equilibrium.body_forces(self.case, self.state.positions, basis)
         self.costs.count["active_cells"] = int(np.count_nonzero(basis.active.counts))
 
@@ -128,14 +124,11 @@ class MaterialPoints:
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
         trial = self.trial
-        if load != trial.load:
-            further = load_ratio(load, trial.load) - 1.0
-            trial.increment += further * self.state.so_far
-            trial.tied = (1.0 + further) * trial.tied
-            trial.load = load
+        trial.go_to(load, self.state.so_far)
         self._degrade()
         self._node_motions.prescribe(trial.increment, load, self.state.load)
-        start = self._equilibrium.unknowns_of(trial.increment, trial.tied)
+        start = self._equilibrium.unknowns_of(trial.increment)
+        start[self._equilibrium.tied] = trial.tied
         newton(self, start, tolerance, self.case.staggered.residual_tolerance, self.costs)
         return trial.energy[:, 0].copy()
 
@@ -143,7 +136,8 @@ class MaterialPoints:
         """Out-of-balance forces of the free unknowns and the scale of the forces."""
         with self.costs.timed("assembly"):
             trial, equilibrium = self.trial, self._equilibrium
-            trial.tied = equilibrium.spread(unknowns, trial.increment)
+            equilibrium.spread(unknowns, trial.increment)
+            trial.tied = unknowns[equilibrium.tied].copy()
             self._evaluate_stresses()
             kernels.internal_forces(self.basis.active.cells, self.basis.values, trial.stress, equilibrium.local.vectors)
             external, of_springs = trial.load * self._external, self._spring_forces()
@@ -175,7 +169,9 @@ class MaterialPoints:
         stiffness = np.maximum(trial.degradation, TORN_STIFFNESS)
         local = self._equilibrium.local.matrices
         kernels.tangents(basis.active.cells, basis.values, trial.gradient, stiffness, *self._law, local)
-        return self._equilibrium.tangent(self._springs)
+        values = self._equilibrium.tangent()
+        self._springs.add_stiffness(self._equilibrium.pattern, values)
+        return values
 
     def first_stiffness(self) -> csr_matrix:
         """Stiffness (n, n) [force/length] of the whole, unloaded body with its constraints, where points see the grid."""
@@ -187,26 +183,14 @@ class MaterialPoints:
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state and carry the points with it."""
         state, trial, springs = self.state, self.trial, self._springs
-        of_points = trial.increment[self.basis.active.nodes_of_points()]
-        displacement = state.displacement + np.einsum("pa,pai->pi", self.basis.own_value, of_points)
+        displacement = state.displacement + self.basis.displacement(trial.increment)
         held = springs.displaced(state.held, trial.increment)
-        moves = self.case.mpm.move_points
-        self.state = PointState(
-            positions=state.positions + displacement - state.displacement if moves else state.positions,
-            displacement=displacement,
-            gradient=trial.gradient.copy(),
-            phase_field=trial.at_points.value.copy(),
-            history_field=history_field,
-            nodal_phase_field=trial.nodal_phase_field,
-            so_far=state.so_far + trial.increment,
-            held=held,
-            tied=trial.tied,
-            load=trial.load,
-            # not before: a load step starts from a jump whose forces say nothing
-            force_scale=max(state.force_scale, trial.applied),
-            constraint_error=max(state.constraint_error, springs.constraint_error(held, trial.load, trial.tied)),
-        )
-        self.basis.is_current = not moves
+        error = max(state.constraint_error, springs.constraint_error(held, trial.load, trial.tied))
+        self.state = trial.committed(state, displacement, held)
+        self.state.history_field, self.state.constraint_error = history_field, error
+        if self.case.mpm.move_points:
+            self.state.positions = state.positions + displacement - state.displacement
+            self.basis.is_current = False
         trial.increment[:] = 0.0
 
     def undo(self) -> None:
