@@ -86,6 +86,10 @@ def _fits_statics(case: CaseDescription) -> None:
     moving += ["output.times"] if case.output.times or case.output.frames else []
     if moving:
         raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
+    driven = any(c.scale or c.motion for c in case.constraints) or case.exact is not None
+    if len(case.load.path) > 1 and not driven:
+        remedy = 'add a constraint with scale = 1, or a motion, on the boundary that the load moves'
+        raise BrokenRuleError("moves nothing: no constraint follows the load parameter", remedy, "load.path")
 
 
 def _fits_dynamics(case: CaseDescription) -> None:

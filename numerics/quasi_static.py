@@ -42,12 +42,14 @@ class MarchState:
     leg : number of the path's target
     next_size : of the increment to come [unit of the load parameter]
     peak : largest force so far
+    peak_at : distance of the load parameter from its start there
     controlled : the fracture energy leads, not the load
     """
 
     leg: int = 0
     next_size: float = 0.0
     peak: float = 0.0
+    peak_at: float = 0.0
     controlled: bool = False
 
 
@@ -221,8 +223,14 @@ class _LoadPath:
         return at_once or self._advance_by_load(target)
 
     def _prologue(self, target: float) -> Increment | None:
-        """The stretch on which nothing breaks, in one increment; None, and back to its start, where something does."""
-        load = round(self.load + self.case.load.prologue * (target - self.load), self.limits.digits)
+        """The stretch on which nothing breaks, in one increment; None, and back to its start, where something does.
+
+        It ends at the first state that is to be stored.
+        """
+        start = self.load
+        wanted = [(u - start) / (target - start) for u in self.case.snapshots]
+        share = min((s for s in wanted if s > 0.0), default=1.0)
+        load = round(start + min(self.case.load.prologue, share) * (target - start), self.limits.digits)
         converged = {"staggered": self.case.staggered.model_copy(update={"scheme": "converged"})}
         outcome, problem = self._try(self.case.model_copy(update=converged), load, cautious=True)
         if problem:
@@ -297,7 +305,7 @@ class _LoadPath:
             too_far = cautious and self._advance_energy() > self.limits.energy
             if too_far and self.dissipative:
                 return TOO_FAR
-            if self._broken(self.discretisation.reaction_force()):
+            if self._broken(self.discretisation.reaction_force(), load):
                 return BROKEN_THROUGH
             return TOO_FAR if too_far else ""
 
@@ -313,11 +321,15 @@ class _LoadPath:
         before = self.last.fracture_energy if self.last else 0.0
         return self.discretisation.energies()[1] - before
 
-    def _broken(self, force: float) -> bool:
-        load = self.case.load
-        if not load.stop_when_broken or abs(force) >= load.broken_fraction * self.march.peak:
+    def _broken(self, force: float, load: float) -> bool:
+        """Whether the force is gone at a load because the specimen is, not because it is unloaded."""
+        given, march = self.case.load, self.march
+        if not given.stop_when_broken or abs(force) >= given.broken_fraction * march.peak:
             return False
-        # a force near zero on unloading is no break
+        # once the path has turned, force and load fall together: what is broken has lost its stiffness too
+        away = abs(load - given.path[0])
+        if march.leg > 0 and abs(force) * march.peak_at >= given.broken_fraction * march.peak * away:
+            return False
         return bool(self.discretisation.phase_field.min() < BROKEN_PHASE_FIELD)
 
     def _grow_and_accept(self, load: float, outcome: StepOutcome) -> Increment:
@@ -338,8 +350,9 @@ class _LoadPath:
         discretisation, before = self.discretisation, self.last
         force = discretisation.reaction_force()
         elastic, fracture = discretisation.energies()
-        broken = before is not None and self._broken(force)
-        self.march = replace(self.march, peak=max(self.march.peak, abs(force)))
+        broken = before is not None and self._broken(force, load)
+        if abs(force) > self.march.peak:
+            self.march = replace(self.march, peak=abs(force), peak_at=abs(load - self.case.load.path[0]))
         newton = discretisation.costs.count["newton"]
         discretisation.commit(outcome.history_field)
         self.last = Increment(

@@ -93,3 +93,29 @@ def test_constraints_may_meet_where_they_ask_the_same(solver):
     bottom, _, top = PLATE["constraints"]
     held = [{"on": edge, "direction": "x", "value": 0} for edge in ("left", "top")]
     assert force(plate(solver, constraints=[bottom, *held, top]), solver) > 0.0
+
+
+def test_a_load_that_moves_nothing_is_refused():
+    with pytest.raises(CaseError, match=r"moves nothing.*scale = 1"):
+        plate("fem", constraints=PLATE["constraints"][:2])
+
+
+BREAKING = {"steel": {**PLATE["materials"]["steel"], "fracture": {"toughness": 0.0027, "length_scale": 0.1}}}
+
+
+def test_unloading_a_cracked_plate_is_no_break():
+    """Up, back to zero, pressed, and up again: all legs are followed, and the closed crack carries pressure."""
+    notch = {"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}
+    path = [0.0, 0.003, 0.0, -0.003, 0.0, 0.0045]
+    case = plate("fem", materials=BREAKING, notches=[notch], load={"path": path, "increment": 1.5e-3}, mesh={"h": 0.1})
+    records = list(solver_records(DISCRETISATIONS["fem"](case), case))
+    loads = [record.u for record in records]
+    assert min(loads) == -0.003 and loads[-1] == 0.0045
+    assert records[-1].status == "complete"
+
+
+def test_a_prologue_ends_at_the_first_state_that_is_wanted():
+    changes = {"load": {"path": [0.0, 0.002], "increment": 5e-4, "prologue": 0.8}, "output": {"snapshots": [4e-4]}}
+    case = plate("fem", materials=BREAKING, **changes)
+    loads = [record.u for record in solver_records(DISCRETISATIONS["fem"](case), case)]
+    assert loads[1] == pytest.approx(4e-4, rel=1e-12)
