@@ -28,7 +28,7 @@ requirement = "A mesh is made."
 units = { length = "mm", force = "kN" }
 plane = { assumption = "strain" }
 materials.steel = { young = 210.0, poisson = 0.3 }
-load = { path = [0.0, 0.01], increment = 1e-3 }
+load = { path = [0.0] }
 """
 UNIT_SQUARE = "{ rectangle = { lower = [0, 0], upper = [1, 1] } }"
 PLATE_WITH_HOLE = (
