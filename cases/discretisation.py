@@ -36,6 +36,7 @@ class Mesh(Table):
     refine : further boxes with spacings of their own, where the body's stiffness is decided rather than the crack's way
     follow_crack : enlarge the fine box, and redo the increment, where the crack has gone out of it
     element : shape of the finite elements
+    locking_free : the change of area of a quadrilateral is the same all over it (B-bar), for nearly incompressible bodies
     geometry : on which the finite elements measure strain: as meshed, or as they have moved after each increment
     under_resolved : allow h above the length scale, to study what it costs
     """
@@ -47,6 +48,7 @@ class Mesh(Table):
     refine: tuple[RefinedBox, ...] = ()
     follow_crack: Switch = False
     element: Literal["quad", "triangle"] = "quad"
+    locking_free: Switch = False
     geometry: Literal["initial", "updated"] = "initial"
     under_resolved: Switch = False
 

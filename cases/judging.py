@@ -40,6 +40,7 @@ class RunSpec:
     family : the name in the file, such as "fem_levels"
     expect_failure : that it does not converge in the end is a result
     change : nested tables merged over the case for this run, sweep values included
+    accepts : indicators of the health record that may be beyond their limits, with the reason
     sweep_values : dotted key -> value of this member of the sweep; empty without a sweep
     """
 
@@ -48,6 +49,7 @@ class RunSpec:
     family: str
     expect_failure: bool = False
     change: dict[str, Any] = field(default_factory=dict)
+    accepts: dict[str, str] = field(default_factory=dict)
     sweep_values: dict[str, Scalar] = field(default_factory=dict)
 
 
@@ -82,6 +84,7 @@ class Run(Table):
     ----------
     expect_failure : that the run does not converge in the end is a result, not a fault
     change : tables merged over the case for this run
+    accepts : indicator of the health record that may be beyond its limit in this run -> why
     sweep : dotted key, or "key.0", "key.1" for the entries of an array -> values; expands to one run for each
         combination of values
     """
@@ -89,6 +92,7 @@ class Run(Table):
     solver: SolverName
     expect_failure: Switch = False
     change: dict[str, Any] = Field(default_factory=dict)
+    accepts: dict[Name, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
     sweep: dict[str, Annotated[tuple[SweepValue, ...], Field(min_length=1)]] = Field(default_factory=dict)
 
     @field_validator("sweep")
@@ -102,7 +106,7 @@ class Run(Table):
     def members(self, family: str) -> list[RunSpec]:
         """All runs that this table stands for."""
         if not self.sweep:
-            return [RunSpec(family, self.solver, family, self.expect_failure, self.change)]
+            return [RunSpec(family, self.solver, family, self.expect_failure, self.change, self.accepts)]
         return [self._member(family, values) for values in product(*self.sweep.values())]
 
     def _member(self, family: str, values: tuple[Scalar, ...]) -> RunSpec:
@@ -111,7 +115,8 @@ class Run(Table):
         for key, value in swept.items():
             change = merge(change, nest(key, value))
         labels = ",".join(f"{self._label(key)}={_text(value)}" for key, value in swept.items())
-        return RunSpec(f"{family}[{labels}]", self.solver, family, self.expect_failure, change, swept)
+        name = f"{family}[{labels}]"
+        return RunSpec(name, self.solver, family, self.expect_failure, change, self.accepts, swept)
 
     def _label(self, key: str) -> str:
         last = [_last_word(k) for k in self.sweep]

@@ -26,6 +26,7 @@ _OVERLAP = 1e-6
 WITHOUT_EFFECT: dict[str, Any] = {
     "mesh.geometry": "initial",
     "mesh.follow_crack": False,
+    "mesh.locking_free": False,
     "mpm.constraints_on": "edges",
     "mpm.penalty": None,
     "mpm.strain": "updated",
@@ -191,9 +192,14 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
 
 
 def _spacing_fits_the_bodies(case: CaseDescription) -> None:
+    lower, upper = case.bounding_box()
+    if np.min(upper - lower) < case.mesh.h * (1.0 - SLACK):
+        size = " x ".join(f"{side:.3g}" for side in upper - lower)
+        text = f"is larger than the bodies, which are {size} {case.units.length}"
+        remedy = f"make it smaller, or give coordinates in {case.units.length}"
+        raise BrokenRuleError(text, remedy, "mesh.h", case.mesh.h)
     if any(body.mesh for body in case.bodies.values()):
         return
-    lower, upper = case.bounding_box()
     if case.mesh.fine is not None:
         remedy = f"place it inside {lower.tolist()} to {upper.tolist()}"
         for number, box in enumerate(case.mesh.refine):

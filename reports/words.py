@@ -20,6 +20,7 @@ VERDICT_WORDS = {
     "RUN_FAILED": "Run failed",
     "NOT_CHECKED": "Not checked",
     "MISSING": "Missing",
+    "SUSPECT": "Suspect",
     "INFO": "Shown only",
 }
 

@@ -20,7 +20,7 @@ from verify.runs.atomic import write_table, write_text
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolder, RunFolderError
 
-EXIT_CODES = {"PASS": 0, "FAIL": 1, "MISSING": 1, "RUN_FAILED": 2, "NOT_CHECKED": 4}
+EXIT_CODES = {"PASS": 0, "FAIL": 1, "MISSING": 1, "SUSPECT": 1, "RUN_FAILED": 2, "NOT_CHECKED": 4}
 CURVE_COLUMNS = ["u", "F_reference", "F", "relative_error_percent"]
 
 
@@ -99,6 +99,8 @@ def _run_entry(state: RunState, out: Path) -> Json:
         "counters": info.get("counters", {}),
         "seconds": info.get("seconds", {}),
         "measures": info.get("measures", {}),
+        "health": info.get("health", {}),
+        "suspicions": list(state.suspicions),
     } | {key: info.get(key) for key in kept}
 
 

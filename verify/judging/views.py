@@ -37,6 +37,11 @@ def failed_runs(case: Json) -> list[str]:
     return [f"{n}: {r['status']}: {r['reason']}" for n, r in runs if RunStatus(r["status"]).failed]
 
 
+def suspect_runs(case: Json) -> list[str]:
+    """One sentence for each doubt that the health record of a run raises."""
+    return [f"{name}: suspect: {told}" for name, entry in case["runs"].items() for told in entry["suspicions"]]
+
+
 def junit_xml(summary: Json) -> str:
     """JUnit XML: a suite for each case, a test for each run and each check."""
     root = ElementTree.Element("testsuites", name="verify")
@@ -63,6 +68,8 @@ def _junit_run(suite: ElementTree.Element, case: Json, name: str, entry: Json) -
         ElementTree.SubElement(test, "error", message=f"{entry['status']}: {entry['reason']}")
     elif not status.good:
         ElementTree.SubElement(test, "skipped", message=f"{entry['status']}: {entry['reason']}")
+    elif entry["suspicions"]:
+        ElementTree.SubElement(test, "failure", message=f"suspect: {'; '.join(entry['suspicions'])}")
 
 
 def _junit_check(suite: ElementTree.Element, case: Json, check: Json) -> None:
@@ -109,7 +116,7 @@ def markdown(summary: Json) -> str:
     lines += ["| case | verdict | checks passed | largest share of a limit |", "|---|---|---|---|"]
     lines += [_markdown_row(case) for case in summary["cases"]]
     for case in summary["cases"]:
-        problems = [f"- {sentence}" for sentence in failed_runs(case)]
+        problems = [f"- {sentence}" for sentence in (*failed_runs(case), *suspect_runs(case))]
         bad = (check for check in case["checks"] if check["verdict"] in ("FAIL", "MISSING"))
         problems += [f"- {c['verdict']}: {check_name(c)}: {check_sentence(c)}" for c in bad]
         if problems:

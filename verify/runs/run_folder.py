@@ -78,6 +78,7 @@ class RunInfo(BaseModel):
     counters: dict[str, int] = {}
     seconds: dict[str, float] = {}
     measures: dict[str, float | None] = {}
+    health: dict[str, float | None] = {}
     threads: int = 1
     memory_mb: float = 0.0
     resumed_after_step: int | None = None
