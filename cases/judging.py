@@ -192,7 +192,7 @@ class Check(Table):
     but : sweep values, such as "h=0.1", of the runs that a check of each leaves out
     against : a run, "baseline", "reference:NAME", "value:NUMBER", "exact" or "none"; a run "OTHER[*]" is that of the
         same sweep values
-    error_kind : "relative": |value - target|/|target| <= limit; "absolute": |value - target| <= limit;
+    measure : "relative": |value - target|/|target| <= limit; "absolute": |value - target| <= limit;
         against none: |value| <= limit
     tiers : in which the check applies
     gate : whether a failure fails the case
@@ -204,7 +204,7 @@ class Check(Table):
     run: str
     but: tuple[str, ...] = ()
     against: str
-    error_kind: Literal["relative", "absolute"] = "relative"
+    measure: Literal["relative", "absolute"] = "relative"
     limit: Annotated[Number, Field(ge=0)]
     tiers: Annotated[tuple[TierName, ...], Field(min_length=1)] = TIERS
     gate: Switch = True

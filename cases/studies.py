@@ -148,7 +148,7 @@ class Judged(Table):
 
     metric: Name
     against: str
-    error_kind: Literal["relative", "absolute"] = "relative"
+    measure: Literal["relative", "absolute"] = "relative"
     within: Annotated[tuple[Annotated[Number, Field(gt=0)], ...], BeforeValidator(_as_list), Field(min_length=1)]
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 

@@ -104,7 +104,7 @@ reason = "Read to two digits."
 metric = "convergence_order"
 run = "levels"
 against = "value:2.0"
-error_kind = "absolute"
+measure = "absolute"
 limit = 0.2
 reason = "Theory."
 """

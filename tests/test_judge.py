@@ -107,7 +107,7 @@ def test_angles_of_lines_and_directions_are_compared_round_the_circle(
 
 def test_nothing_against_nothing_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_solver.install(monkeypatch, mpm_factor=0.0)
-    absolute = fake_solver.check("value:0.0").replace("gate", 'error_kind = "absolute"\ngate')
+    absolute = fake_solver.check("value:0.0").replace("gate", 'measure = "absolute"\ngate')
     judged = judge_case(*made(tmp_path, fake_solver.check("value:0.0"), absolute))
     assert [result.verdict for result in judged.checks] == ["MISSING", "PASS"]
     assert "both zero" in judged.checks[0].note and judged.verdict == "MISSING"

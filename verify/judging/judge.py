@@ -156,7 +156,7 @@ class Judge:
         try:
             value = self.value(check)
             target = self.target(check)
-            distance = find_metric(check.metric).error(value, target, check.error_kind)
+            distance = find_metric(check.metric).error(value, target, check.measure)
         except (UnavailableError, NothingToCompareError) as missing:
             return self._without_error(check, "MISSING", value, source, str(missing))
         except (CurveError, RunFolderError, ValueError) as error:

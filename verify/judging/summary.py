@@ -125,7 +125,7 @@ def _check_entry(result: CheckResult, case: Case) -> Json:
         "unit": metric_unit(check.metric, case),
         "error": _number(result.error),
         "limit": check.limit,
-        "error_kind": check.error_kind,
+        "measure": check.measure,
         "margin_used": _number(result.margin_used),
         "verdict": result.verdict,
         "reason": check.reason,

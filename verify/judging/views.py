@@ -25,7 +25,7 @@ def check_sentence(check: Json) -> str:
     if check["error"] is None:
         return check["note"] or "no value"
     target = "" if check["target"] is None else f", target {check['target']:.6g}"
-    kind = "relative" if check["error_kind"] == "relative" and check["target"] is not None else "absolute"
+    kind = "relative" if check["measure"] == "relative" and check["target"] is not None else "absolute"
     return (
         f"value {check['value']:.6g}{target}, {kind} error {check['error']:.3g}, limit {check['limit']:.3g}"
     )
@@ -83,7 +83,7 @@ def _junit_counts(suite: ElementTree.Element) -> None:
 
 def checks_csv(summary: Json) -> str:
     """One row for each check of each case; a text that spreadsheets would run gets an apostrophe before it."""
-    columns = ["case", "tier", "metric", "run", "against", "value", "target", "error", "limit", "error_kind",
+    columns = ["case", "tier", "metric", "run", "against", "value", "target", "error", "limit", "measure",
                "margin_used", "verdict", "gate", "reason", "source", "note"]  # fmt: skip
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
