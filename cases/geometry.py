@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -120,6 +120,10 @@ class Shape(Table):
 
     def outline(self) -> BaseGeometry:
         """The shape for shapely; a disc becomes an inscribed polygon."""
+        return self._outline
+
+    @cached_property
+    def _outline(self) -> BaseGeometry:
         if self.rectangle:
             return shapely.box(*self.rectangle.lower, *self.rectangle.upper)
         if self.polygon:

@@ -87,7 +87,9 @@ def _scale(rng: random.Random, tables: Tables) -> None:
     if numbers:
         holder, key = rng.choice(numbers)
         factor = rng.choice([-1, 0, 0.5, 2, 3, 10, 0.1, 1e3, 1e-3, 1e6, 1e-6, 1e12, 1e-12, 1e300, -1e300])
-        holder[key] = rng.choice([holder[key] * factor, rng.choice(NUMBERS)])
+        # a number of an earlier mutation may have no float
+        scaled = holder[key] * factor if abs(holder[key]) < 2**64 else 0
+        holder[key] = rng.choice([scaled, rng.choice(NUMBERS)])
 
 
 def _rename(rng: random.Random, tables: Tables) -> None:
