@@ -1,6 +1,22 @@
 """Attacks on the program: seeded mutants of its cases, damaged results, kills; see ``python -m tests.attack --help``."""
 
-from .attempts import plan, run, validate
-from .harness import Attempt
+import sys
+from pathlib import Path
 
-ATTACKS: dict[str, Attempt] = {"validate": validate, "plan": plan, "run": run}
+# the stand-ins beside this folder, however it has been started
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from .attempts import plan, run, validate
+from .damage import damage_checkpoint, damage_folder
+from .harness import Attempt
+from .kills import kill, kill_solver
+
+ATTACKS: dict[str, Attempt] = {
+    "validate": validate,
+    "plan": plan,
+    "run": run,
+    "folder": damage_folder,
+    "checkpoint": damage_checkpoint,
+    "kill": kill,
+    "kill_solver": kill_solver,
+}
