@@ -6,9 +6,9 @@ from pathlib import Path
 # the stand-ins beside this folder, however it has been started
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from .attempts import plan, run, validate
-from .damage import damage_checkpoint, damage_folder
-from .harness import Attempt
+from .attempts import compiled, plan, run, validate
+from .damage import damage_checkpoint, damage_folder, finished
+from .harness import BEFORE, Attempt
 from .kills import kill, kill_solver
 
 ATTACKS: dict[str, Attempt] = {
@@ -20,3 +20,4 @@ ATTACKS: dict[str, Attempt] = {
     "kill": kill,
     "kill_solver": kill_solver,
 }
+BEFORE.update(run=compiled, damage_folder=finished, damage_checkpoint=finished, kill=finished)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import random
+import tempfile
 import tomllib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from cases import Case, load_case
+from cases import Case, case_from_tables, load_case
 from cases.judging import TIERS
 from numerics.status import RunStatus
 from verify.judging.judge import checks_of
@@ -47,6 +49,16 @@ def _planned(rng: random.Random, path: Path, tier: str) -> tuple[Case, Any]:
     planned = make_plan(case, str(case.run))
     planned.rows()
     return case, planned
+
+
+@cache
+def compiled() -> None:
+    """Run the tiny cases once in this process: what is compiled or read on the way is not the mutants'."""
+    with tempfile.TemporaryDirectory() as folder:
+        for number, tables in enumerate(TINY):
+            for name in tables["runs"]:
+                case = case_from_tables(tables, "quick", name, name=f"tiny{number}")
+                run_case(case, name, out=folder, threads=1)
 
 
 def run(rng: random.Random, folder: Path) -> str:

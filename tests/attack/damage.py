@@ -32,11 +32,12 @@ def with_stand_ins() -> None:
     running.DISCRETISATIONS["fem"] = fake_solver.FakeSolver
     running.DISCRETISATIONS["mpm"] = lambda case: fake_solver.FakeSolver(case, 1.004)
     running.solver_records = fake_solver.fake_increments
+    running.code_version = lambda: "0.1.0"  # that of code which is not committed is not accepted
 
 
 def case_in(folder: Path) -> Path:
     """The file of a case of two runs and a check between them."""
-    return fake_solver.write_case(folder / "square", fake_solver.check("fem"))
+    return fake_solver.write_case(folder / "square", fake_solver.check("fem"), fake_solver.check("baseline", gate=False))
 
 
 @cache

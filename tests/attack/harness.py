@@ -34,6 +34,10 @@ LONGEST_SENTENCE = 3000
 Attempt = Callable[[random.Random, Path], str]
 
 
+#: name of an attempt -> what a process does before its limits hold
+BEFORE: dict[str, Callable[[], object]] = {}
+
+
 class TooSlowError(BaseException):
     """An attempt has used up its processor seconds; no handler of the program catches it."""
 
@@ -110,6 +114,7 @@ def _speaks(lines: IO[str], child: int) -> bool:
 
 def _make_attempts(attempt: Attempt, seed: int, numbers: range, until: float, told: IO[str]) -> None:
     """The child's life."""
+    BEFORE.get(attempt.__name__, lambda: None)()
     signal.signal(signal.SIGPROF, _too_slow)
     sys.stdout = sys.stderr = open(os.devnull, "w")
     limit = psutil.Process().memory_info().vms + int(MOST_MEMORY)

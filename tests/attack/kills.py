@@ -119,7 +119,7 @@ def kill_solver(rng: random.Random, folder: Path) -> str:
     jobs = rng.choice(["1", "1", "2"])
     arguments = ["run", str(case), "--tier", TIER, "--out", str(folder), "--threads", jobs, "--jobs", jobs]
     child = _started(arguments)
-    time.sleep(rng.uniform(0.0, 1.2 * whole["seconds"]))
+    time.sleep(rng.uniform(0.3, 1.1) * whole["seconds"])
     victims = [child, *(process.pid for process in psutil.Process(child).children(recursive=True))]
     victim = rng.choice(victims)
     if victim != child:
