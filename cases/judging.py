@@ -73,7 +73,9 @@ def _parameter(value: Any) -> Any:
         plain = isinstance(number, bool | int | float) and abs(number) <= LARGEST_PARAMETER
         if not plain and not isinstance(value, str):
             raise BrokenRuleError(
-                "is no parameter", f"give a finite number up to {LARGEST_PARAMETER:g}, a list of them, or a text", value=value
+                "is no parameter",
+                f"give a finite number up to {LARGEST_PARAMETER:g}, a list of them, or a text",
+                value=value,
             )
     return value
 

@@ -31,8 +31,8 @@ KINDS: dict[str, tuple[int, int, int]] = {
     "momentum": (1, 0, 1),
 }
 
-#: largest and smallest size other than 0 that a number of a kind can have, in SI units: from less than an atom's nucleus to
-#: planets, light and neutron stars; what lies beyond is a slip, and its powers leave the range of numbers
+#: largest and smallest size other than 0 that a number of a kind can have, in SI units: from less than an atom's nucleus
+#: to planets, light and neutron stars; what lies beyond is a slip, and its powers leave the range of numbers
 SIZES: dict[str, tuple[float, float]] = {
     "number": (1e18, 1e-30),
     "length": (1e9, 1e-24),

@@ -6,6 +6,7 @@ Example: ``python -m tests.attack --seconds 3600 --seed 1``; ``python -m tests.a
 from __future__ import annotations
 
 import argparse
+import random
 import sys
 import tempfile
 import traceback
@@ -22,7 +23,8 @@ def main() -> int:
         return _repeat(asked.seed, *asked.only.split(":"))
     kinds, found = [asked.only] if asked.only else list(ATTACKS), 0
     for kind in kinds:
-        findings = attack(ATTACKS[kind], asked.seed, range(asked.first, asked.first + asked.most), asked.seconds / len(kinds))
+        numbers = range(asked.first, asked.first + asked.most)
+        findings = attack(ATTACKS[kind], asked.seed, numbers, asked.seconds / len(kinds))
         counts = ", ".join(f"{count} {outcome}" for outcome, count in findings.outcomes.most_common())
         print(f"{kind}: {findings.count} attempts: {counts}", flush=True)
         for number, what in findings.finds:
@@ -32,10 +34,11 @@ def main() -> int:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m tests.attack", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    as_written = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser(prog="python -m tests.attack", description=__doc__, formatter_class=as_written)
     parser.add_argument("--seconds", type=float, default=3600.0, help="for all kinds together")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", metavar="KIND[:NUMBER]", help=f"one kind ({', '.join(ATTACKS)}), or one attempt to look at")
+    parser.add_argument("--only", metavar="KIND[:NUMBER]", help=f"of {', '.join(ATTACKS)}, or one attempt")
     parser.add_argument("--first", type=int, default=0, help="number of the first attempt")
     parser.add_argument("--most", type=int, default=10**9, help="attempts of a kind")
     return parser.parse_args()
@@ -43,8 +46,6 @@ def _arguments() -> argparse.Namespace:
 
 def _repeat(seed: int, kind: str, number: str) -> int:
     """One attempt again, in this process, with its traceback and its files kept."""
-    import random
-
     folder = Path(tempfile.mkdtemp(prefix="attack-"))
     print(f"files: {folder}")
     try:

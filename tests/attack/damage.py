@@ -181,5 +181,6 @@ def _mistype(rng: random.Random, path: Path, files: list[Path]) -> None:
 
 
 DAMAGES: list[Damage] = [
-    _remove, _empty, _cut, _flip, _append, _double, _swap, _reverse, _numbers, _folder_instead, _ring_of_links, _noise, _mistype,
+    _remove, _empty, _cut, _flip, _append, _double, _swap, _reverse, _numbers, _folder_instead, _ring_of_links, _noise,
+    _mistype,
 ]  # fmt: skip

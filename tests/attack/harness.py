@@ -99,7 +99,9 @@ def _by_a_child(attempt: Attempt, seed: int, numbers: range, until: float) -> It
 
 
 def _death(status: int) -> str:
-    return f"signal {os.WTERMSIG(status)} (9 after {PATIENCE:g} s or twice the processor time)" if os.WIFSIGNALED(status) else "exit"
+    if not os.WIFSIGNALED(status):
+        return "exit"
+    return f"signal {os.WTERMSIG(status)} (9 after {PATIENCE:g} s or twice the processor time)"
 
 
 def _speaks(lines: IO[str], child: int) -> bool:
@@ -116,7 +118,7 @@ def _make_attempts(attempt: Attempt, seed: int, numbers: range, until: float, to
     """The child's life."""
     BEFORE.get(attempt.__name__, lambda: None)()
     signal.signal(signal.SIGPROF, _too_slow)
-    sys.stdout = sys.stderr = open(os.devnull, "w")
+    sys.stdout = sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
     limit = psutil.Process().memory_info().vms + int(MOST_MEMORY)
     resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
     try:

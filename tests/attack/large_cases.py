@@ -47,9 +47,8 @@ def holes(number: int = 500) -> Tables:
     """A plate with round holes and both solvers."""
     side = math.ceil(math.sqrt(number))
     step = 100.0 / side
-    discs = [
-        {"disc": {"centre": [step * (n % side + 0.5), step * (n // side + 0.5)], "radius": 0.3 * step}} for n in range(number)
-    ]
+    centres = [[step * (n % side + 0.5), step * (n // side + 0.5)] for n in range(number)]
+    discs = [{"disc": {"centre": centre, "radius": 0.3 * step}} for centre in centres]
     return _one_body({"difference": {"of": _rectangle(0, 0, 100, 100), "minus": discs}})
 
 

@@ -19,16 +19,20 @@ Tables = dict[str, Any]
 Place = tuple[Any, Any]  # a table or list, and the key or number in it
 
 NAMES = [
-    "", "..", ".", "a/b", "a.b", "__class__", "x" * 300, "Größe", "断裂", "\u202eexe", "a b", "[h=10]", "CON", "-rf", "'", '"', "\n",
-    "young", "h", "fem", "mpm", "baseline", "none",
+    "", "..", ".", "a/b", "a.b", "__class__", "x" * 300, "Größe", "断裂", "\u202eexe", "a b", "[h=10]", "CON", "-rf",
+    "'", '"', "\n", "young", "h", "fem", "mpm", "baseline", "none",
 ]  # fmt: skip
 TEXTS = [
-    "", " ", "nan", "1e999 mm", "5 kg", "3 mm", "210 GPa", "9.81 m/s^2", "1 m^9", "1e300 mm", "-1 mm", "3 °C", "x" * 100_000,
-    "{fem,mpm}", "{" * 200, "{a,{b,c}}", "FAMILY[*]", "value:nan", "value:1e400", "reference:", "run:fem", "[*]", "\x00", "\x7f",
-    "é" * 300, "😀", "../../etc/passwd", "/etc/passwd", "/dev/zero", "case.toml", "a.msh", "%s%n", "{0.__class__}", "<b>&amp;</b>",
+    "", " ", "nan", "1e999 mm", "5 kg", "3 mm", "210 GPa", "9.81 m/s^2", "1 m^9", "1e300 mm", "-1 mm", "3 °C",
+    "x" * 100_000,
+    "{fem,mpm}", "{" * 200, "{a,{b,c}}", "FAMILY[*]", "value:nan", "value:1e400", "reference:", "run:fem",
+    "[*]", "\x00", "\x7f",
+    "é" * 300, "😀", "../../etc/passwd", "/etc/passwd", "/dev/zero", "case.toml", "a.msh", "%s%n", "{0.__class__}",
+    "<b>&amp;</b>",
 ]  # fmt: skip
 NUMBERS = [
-    0, 1, -1, 2, 0.0, -0.0, 1e-300, 5e-324, 1e300, -1e300, 1.7e308, 1e15, 1e9, -1e9, 1e-9, 0.5, 3, 7, 10**6, 2**63, -(2**63), 10**400,
+    0, 1, -1, 2, 0.0, -0.0, 1e-300, 5e-324, 1e300, -1e300, 1.7e308, 1e15, 1e9, -1e9, 1e-9, 0.5, 3, 7, 10**6, 2**63,
+    -(2**63), 10**400,
     math.nan, math.inf, -math.inf, True, False,
 ]  # fmt: skip
 
@@ -141,6 +145,7 @@ def _spoiled(rng: random.Random, text: str) -> bytes:
         return data
     at = rng.randrange(len(data) + 1)
     return rng.choice([
-        b"\xef\xbb\xbf" + data, text.encode("utf-16", "surrogatepass"), data[:at], data[:at] + bytes([rng.randrange(256)]) + data[at + 1 :],
+        b"\xef\xbb\xbf" + data, text.encode("utf-16", "surrogatepass"), data[:at],
+        data[:at] + bytes([rng.randrange(256)]) + data[at + 1 :],
         data + data, data[:at] + b"\x00" + data[at:], data.replace(b"\n", b"\r\n"), data.replace(b"=", b":", 1), b"",
     ])  # fmt: skip
