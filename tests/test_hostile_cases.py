@@ -51,7 +51,7 @@ def body(**table: Any) -> dict[str, Any]:
         ({"mesh": {"h": 1e-300}}, "'mesh.h' = 1e-300 is beyond every length"),
         ({"materials": {"steel": {"young": 1e300, "poisson": 0.3}}}, "is beyond every stress"),
         ({"materials": {"steel": {"young": "1e200 GPa", "poisson": 0.3}}}, "is beyond every stress"),
-        ({**MOVING, "dynamics": {"end_time": 1e-6, "damping": 1e300}}, "'dynamics.damping' = 1e+300 is beyond every rate"),
+        ({**MOVING, "dynamics": {"end_time": 1e-6, "damping": 1e300}}, "'dynamics.damping' = 1e+300 is beyond every"),
         ({**MOVING, "dynamics": {"end_time": 1e-6, "gravity": [0.0, -1e300]}}, "is beyond every acceleration"),
         ({"mpm": {"order": 1, "margin": 10**9}}, "'mpm.margin' = 1000000000 must be at most 100"),
         ({"runs": {"fem": {"solver": "fem", "sweep": {"mpm.seed": list(range(2000))}}}}, "stands for 2000 runs"),

@@ -83,6 +83,7 @@ def _by_a_child(attempt: Attempt, seed: int, numbers: range, until: float) -> It
     begun: int | None = None
     with os.fdopen(reader, "r") as lines:
         try:
+            lines.readline()  # ready: what it takes to get ready is no matter of an attempt
             while _speaks(lines, child):
                 number, outcome, found = json.loads(lines.readline() or "null") or (None, "", "")
                 if number is None:
@@ -116,7 +117,10 @@ def _speaks(lines: IO[str], child: int) -> bool:
 
 def _make_attempts(attempt: Attempt, seed: int, numbers: range, until: float, told: IO[str]) -> None:
     """The child's life."""
+    started = time.monotonic()
     BEFORE.get(attempt.__name__, lambda: None)()
+    until += time.monotonic() - started
+    told.write("ready\n")
     signal.signal(signal.SIGPROF, _too_slow)
     sys.stdout = sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
     limit = psutil.Process().memory_info().vms + int(MOST_MEMORY)

@@ -1,7 +1,8 @@
-"""A minute of each attack; the rest of an hour by hand, see ``python -m tests.attack --help``."""
+"""A minute of attacks; an hour of them by hand, see ``python -m tests.attack --help``."""
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
@@ -26,8 +27,10 @@ def test_a_large_case_is_checked_in_a_moment(what: str, tmp_path: Path) -> None:
     assert time.process_time() - started < 10.0
 
 
-@pytest.mark.parametrize("kind", ATTACKS)
+# a kill of a solver takes a minute each
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are bounded and watched as Linux can")
+@pytest.mark.parametrize("kind", [kind for kind in ATTACKS if kind != "kill_solver"])
 def test_nothing_is_found_in_a_moment(kind: str) -> None:
-    findings = attack(ATTACKS[kind], seed=1, numbers=range(200), seconds=12.0)
+    findings = attack(ATTACKS[kind], seed=1, numbers=range(200), seconds=10.0)
     assert findings.count > 0
     assert not findings.finds, findings.finds
