@@ -96,13 +96,13 @@ class Mpm(Table):
     order: Literal[1, 2, 3] = 2
     placement: Literal["gauss", "regular", "random", "rings"] = "gauss"
     points_per_cell: Annotated[Whole, Field(ge=1, le=16)] = 2
-    seed: Annotated[Whole, Field(ge=0)] = 0
+    seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 0
     constraints_on: Literal["edges", "points", "nodes"] = "edges"
     penalty: Annotated[Number, Field(gt=0)] = 1e4
     move_points: Switch = True
     strain: Literal["initial", "updated"] = "initial"
     fill_cells: Switch = True
-    margin: Annotated[Whole, Field(ge=0)] = 5
+    margin: Annotated[Whole, Field(ge=0, le=100)] = 5
     linear_solver: Literal["direct", "gmres"] = "direct"
 
 
@@ -120,9 +120,9 @@ class Staggered(Table):
     """
 
     scheme: Literal["converged", "passes"] = "converged"
-    passes: Annotated[Whole, Field(ge=1)] = 1
+    passes: Annotated[Whole, Field(ge=1, le=10_000)] = 1
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
     memory: Annotated[Whole, Field(ge=0, le=20)] = 5
-    largest_iterations: Annotated[Whole, Field(ge=1)] = 2000
+    largest_iterations: Annotated[Whole, Field(ge=1, le=1_000_000)] = 2000
     irreversible: Switch = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -118,6 +119,10 @@ class Shape(Table):
 
     def outline(self) -> BaseGeometry:
         """The shape for shapely; a disc becomes an inscribed polygon."""
+        return self._outline
+
+    @cached_property
+    def _outline(self) -> BaseGeometry:
         if self.rectangle:
             return shapely.box(*self.rectangle.lower, *self.rectangle.upper)
         if self.polygon:

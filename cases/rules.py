@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -169,11 +168,14 @@ def _basis_is_smooth_enough(case: CaseDescription) -> None:
 
 
 def _bodies_are_apart(case: CaseDescription) -> None:
-    outlines = [(name, body.shape.outline()) for name, body in case.bodies.items() if body.shape]
-    for (first, a), (second, b) in combinations(outlines, 2):
+    shapes = {name: body.shape.outline() for name, body in case.bodies.items() if body.shape}
+    names, outlines = list(shapes), list(shapes.values())
+    pairs = shapely.STRtree(outlines).query(np.array(outlines, dtype=object), "intersects").T
+    for first, second in sorted(pairs[pairs[:, 0] < pairs[:, 1]].tolist()):
+        a, b = outlines[first], outlines[second]
         if a.intersection(b).area > _OVERLAP * min(a.area, b.area):
             remedy = "move them apart or cut one out of the other with 'difference'"
-            raise BrokenRuleError(f"overlaps the body '{first}'", remedy, f"bodies.{second}")
+            raise BrokenRuleError(f"overlaps the body '{names[first]}'", remedy, f"bodies.{names[second]}")
 
 
 def _notches_are_in_bodies(case: CaseDescription) -> None:

@@ -175,7 +175,7 @@ def _curve_entries(judged: CaseVerdict, out: Path) -> tuple[list[Json], list[str
     for run, other in _curve_pairs(judged):
         try:
             entries.append(_curve_entry(judged, run, other, out))
-        except CurveError as error:
+        except (CurveError, RunFolderError) as error:
             problems.append(f"{run} vs {other}: {error}")
     return entries, problems
 
@@ -203,7 +203,10 @@ def _file_name(run: str) -> str:
 def _crack_path_entries(judged: CaseVerdict) -> list[Json]:
     entries = []
     for run, other in _pairs(judged):
-        one, two = (_crack(judged, name) for name in (run, other))
+        try:
+            one, two = (_crack(judged, name) for name in (run, other))
+        except RunFolderError:  # damaged, which its checks tell
+            continue
         if len(one) > 1 and len(two) > 1:
             distances = {"hausdorff": _number(hausdorff(two, one)), "mean": _number(mean_distance(two, one))}
             entries.append({"pair": f"{run} vs {other}", "run": run, "reference": other} | distances)

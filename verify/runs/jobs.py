@@ -109,9 +109,9 @@ def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator
 
 def _in_a_process(job: Job) -> Outcome:
     """By a fresh process: the thread count of a used one is fixed, its memory not its own, and its end not theirs."""
-    with ProcessPoolExecutor(1, mp_context=_fresh_processes()) as pool:
+    with ProcessPoolExecutor(1, mp_context=_fresh_processes(), initializer=_watch_parent) as pool:
         try:
-            return pool.submit(_do_for_parent, job).result()
+            return pool.submit(do, job).result()
         except BrokenProcessPool:
             return Outcome(job.title, f"its process ended before it; {job.folder()}: {GO_ON}", True)
 
@@ -147,11 +147,11 @@ def _fresh_processes() -> multiprocessing.context.BaseContext:
     return context
 
 
-def _do_for_parent(job: Job) -> Outcome:
+def _watch_parent() -> None:
+    """From the start: a parent may be killed before it has given its process anything to do."""
     # a shell starts what runs in its background with interrupts ignored, and children take that over
     signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    return do(job)
 
 
 def _end_with_parent() -> None:

@@ -97,6 +97,19 @@ def case_folder(out: Path, case: "Case", run: str) -> Path:
     return run_path(out, case.name, case.tier, "varied") / case.hash()
 
 
+def require_own_folder(folder: Path, case: "Case") -> None:
+    """Raise RunFolderError where the folder holds the run of another case file, which is still there."""
+    try:
+        other = RunFolder(folder).info["case_source"]
+    except RunFolderError:  # nothing that could be lost
+        return
+    if other and Path(other) != Path(case.source).resolve() and not case.change and Path(other).is_file():
+        raise RunFolderError(
+            f"{case.source}: its results would replace those of {other} in {folder}, since both cases are called "
+            f"{case.name!r}; rename one of the two or choose another place with --out."
+        )
+
+
 def partial_folder(folder: Path) -> Path:
     """Folder of the same run while it is not finished."""
     return folder.with_name(folder.name + ".partial")

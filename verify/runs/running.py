@@ -23,7 +23,7 @@ from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError,
 from verify.runs.frames import FrameWriter
 from verify.runs.listeners import Listener, ObservedDiscretisation, StoppedError
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
-from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder
+from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder, require_own_folder
 from verify.runs.run_writer import RunWriter
 
 if TYPE_CHECKING:
@@ -133,6 +133,7 @@ def run(
     merged = case_for_run(case, run_name, tier)
     folder = case_folder(Path(out), merged, run_name)
     finished = None if force else up_to_date(merged, folder)
+    require_own_folder(folder, merged)
     return finished or _compute(merged, run_name, folder, listeners, threads, resume)
 
 
