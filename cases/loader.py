@@ -46,7 +46,7 @@ def load_case(
     """
     source = _find(name_or_path)
     name = source.parent.name if source.name == CASE_FILE else source.stem
-    return case_from_tables(_read(source), tier, run, name=name, source=source, change=change)
+    return case_from_tables(read_tables(source), tier, run, name=name, source=source, change=change)
 
 
 def case_from_tables(
@@ -160,7 +160,8 @@ def _find(name_or_path: str | Path) -> Path:
     raise sentence(path, "", None, "no such case", remedy)
 
 
-def _read(source: Path) -> Tables:
+def read_tables(source: Path) -> Tables:
+    """The tables of a case file; CaseError where it cannot be read."""
     try:
         tables = tomllib.loads(source.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:

@@ -193,6 +193,7 @@ def _notices(results: CaseResults) -> list[str]:
         if not run.exists:
             absent.setdefault(run.entry.get("reason") or run.problem or run.status, []).append(run.name)
     said = [f"Not shown: {words.listed(names)}. Reason: {why}" for why, names in absent.items()]
+    said += results.entry.get("remarks") or []
     said += [f"Curves not compared: {problem}" for problem in results.entry.get("curve_problems") or []]
     if results.case is None:
         said.append(f"The case description could not be read: {results.case_problem}")

@@ -465,7 +465,7 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
     case = results.case
     if case is None:
         return None
-    solvers = list(dict.fromkeys(run.method.name for run in results.shown_runs())) or list(SOLVERS)[:1]
+    solvers = list(dict.fromkeys(run.method.name for run in results.shown_runs() if run.stored.size)) or list(SOLVERS)[:1]
     figure, main, close_ups = _arrange(case, len(solvers))
     window, unit = close_up_window(case), case.units.label("length")
     _draw_main(main, case, window)

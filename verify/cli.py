@@ -310,6 +310,44 @@ def _verdict_table(summary: dict[str, Any]) -> Table:
 
 
 @app.command()
+def judge(
+    case: CaseArgument,
+    history: Annotated[Path, typer.Option("--history", metavar="FILE", help="CSV file of force over displacement")],
+    columns: Annotated[str, typer.Option("--map", help="columns, units and signs: 'u = U2, F = -2 * RF2 [N]'")] = "",
+    crack_path: Annotated[
+        Path | None, typer.Option("--crack-path", metavar="FILE", help="CSV file x,y from the crack's start to its tip")
+    ] = None,
+    tier: TierOption = "standard",
+    name: Annotated[str, typer.Option("--name", help="what the result is called; its file's name without")] = "",
+    within: Annotated[
+        float | None,
+        typer.Option("--within", parser=_share, metavar="SHARE", help="in place of the case's relative limits, such as 5%"),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", parser=_folder, metavar="FOLDER", help="reports/out/judged/CASE without")
+    ] = None,
+) -> None:
+    """Judge a result from elsewhere against the kept results of both solvers, published and exact ones. Solves nothing.
+
+    Columns named u and F are found by themselves, with their units in names such as F_kN. A word in the map says what the
+    forces are of: `half model`, `per thickness`; `damage`, or a column d, stands for c = 1 - d.
+
+    Examples: `verify judge sen_shear --history mine.csv` ·
+    `verify judge l_panel --history abaqus.csv --map "u = U2, F = -2 * RF2 [N]" --within 5%`
+    """
+    from reports import judge as judge_and_draw
+
+    judged = judge_and_draw(case, history, columns, crack_path, tier=tier, name=name, within=within, out=out)
+    console, summary = _console(), {"tier": tier, "cases": [judged.entry]}
+    _print_problems(console, summary)
+    for sentence in judged.remarks:
+        console.print(sentence)
+    console.print(_verdict_table(summary))
+    console.print(f"Page: {judged.page}")
+    raise typer.Exit(exit_code(summary))
+
+
+@app.command()
 def report(
     out: OutOption = DEFAULT_OUT,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="pages made at the same time")] = 1,

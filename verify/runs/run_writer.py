@@ -7,8 +7,10 @@ import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -139,7 +141,7 @@ class RunWriter(Listener):
         csv.writer(self._history, lineterminator="\n").writerow(values)
         self._history.flush()
 
-    def record(self, record: "Record", discretisation: ObservedDiscretisation) -> None:
+    def record(self, record: "Record", discretisation: ObservedDiscretisation | None) -> None:
         """Append a good record to the history; write fields when they are due."""
         if not record.is_good:
             return
@@ -151,7 +153,7 @@ class RunWriter(Listener):
             self._write_row(row.values())
         self._last = record
         self._rows += 1
-        if self._snapshot_due(before, record.u):
+        if self._snapshot_due(before, record.u) and discretisation is not None:
             self._write_snapshot(discretisation.fields())
 
     def _snapshot_due(self, before: float, now: float) -> bool:
@@ -174,14 +176,12 @@ class RunWriter(Listener):
         self._write_indices()
 
     def _write_indices(self) -> None:
-        from verify.runs.vtk_files import pvd_text
-
         table = pd.DataFrame(self._index, columns=list(INDEX_COLUMNS))
         write_table(self.partial / "fields" / "index.csv", table)
         # ParaView wants times that grow, which displacements of a cyclic load do not.
         times = table["u"] if table["u"].is_monotonic_increasing and table["u"].is_unique else table["step"]
         for name in ("points", "grid"):
-            text = pvd_text([float(value) for value in times], table[f"{name}_file"].tolist())
+            text = _pvd_text([float(value) for value in times], table[f"{name}_file"].tolist())
             write_text(self.partial / f"{name}.pvd", text)
 
     def flush_to_disk(self) -> None:
@@ -229,6 +229,56 @@ class RunWriter(Listener):
         files = ["history.csv", "crack_path.csv", "fields/index.csv"]
         files += [file for row in self._index for file in row[3:]]
         return {file: file_checksum(self.partial / file) for file in files}
+
+
+@dataclass(frozen=True)
+class _TableRow:
+    """A row of a table as the record that `RunWriter` takes."""
+
+    values: dict[str, float]
+    status: RunStatus = RunStatus.COMPLETE
+    reason: str = ""
+    share: float = 1.0
+    is_last: bool = False
+    is_good: bool = True
+
+    @property
+    def step(self) -> int:
+        return int(self.values["step"])
+
+    @property
+    def u(self) -> float:
+        return float(self.values["u"])
+
+    @property
+    def seconds(self) -> float:
+        return float(self.values["seconds"])
+
+    def row(self) -> dict[str, float]:
+        """Columns of the history."""
+        return self.values
+
+
+def write_run(folder: Path, history: pd.DataFrame, crack_path: np.ndarray, info: dict[str, Any]) -> None:
+    """Write the folder of a run of which a table of its history and a crack path (n, 2) are all there is.
+
+    info : contents of run.json, as in `RunWriter.close`
+    """
+    with RunWriter(folder) as files:
+        files.start(None, "")
+        for row in history.to_dict("records"):
+            files.record(_TableRow({str(name): value for name, value in row.items()}), None)
+        files.close(info, crack_path)
+
+
+def _pvd_text(times: list[float], files: list[str]) -> str:
+    """A ParaView collection: one data set for each of ``files``, at ``times``."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(root, "Collection")
+    for time, file in zip(times, files, strict=True):
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), part="0", file=file)
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def _rows_until(folder: Path, step: int) -> tuple[list[str], list[float]]:
