@@ -321,7 +321,7 @@ def judge(
     name: Annotated[str, typer.Option("--name", help="what the result is called; its file's name without")] = "",
     within: Annotated[
         float | None,
-        typer.Option("--within", parser=_share, metavar="SHARE", help="in place of the case's relative limits, such as 5%"),
+        typer.Option("--within", parser=_share, metavar="SHARE", help="replaces the case's relative limits, such as 5%"),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", parser=_folder, metavar="FOLDER", help="reports/out/judged/CASE without")

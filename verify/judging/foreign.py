@@ -30,7 +30,8 @@ DEFAULT_FOLDER = Path("reports/out/judged")
 #: shown of every result, whether the case checks them or not
 SHOWN = (
     "peak_force", "displacement_at_peak", "initial_stiffness", "curve_l2_before_peak", "curve_l2_whole",
-    "dissipated_work", "fracture_energy", "crack_length", "crack_angle", "path_mean_distance_over_h", "path_hausdorff_over_h",
+    "dissipated_work", "fracture_energy", "crack_length", "crack_angle", "path_mean_distance_over_h",
+    "path_hausdorff_over_h",
 )  # fmt: skip
 SHOWN_OF_MOVING = ("fracture_energy",)
 _SHOWN_LIMIT = 0.05
@@ -168,9 +169,9 @@ def foreign_checks(case: Case, foreign: ForeignResult, kept: list[str]) -> list[
             key = (check.metric, against, str(sorted(check.parameters.items())))
             if key not in found or (table["gate"], table["limit"]) > (found[key]["gate"], found[key]["limit"]):
                 found[key] = table
-    shown = SHOWN_OF_MOVING if case.dynamics else SHOWN
-    for metric, against in [(metric, against) for metric in shown for against in _shown_against(case, metric, kept)]:
-        found.setdefault((metric, against, "[]"), _shown(case, metric, against, foreign))
+    for metric in SHOWN_OF_MOVING if case.dynamics else SHOWN:
+        for against in _shown_against(case, metric, kept):
+            found.setdefault((metric, against, "[]"), _shown(metric, against, foreign))
     return list(found.values())
 
 
@@ -201,7 +202,7 @@ def _tells(reference: Reference, metric: str) -> bool:
     return metric in reference.values or (reference.curve is not None and of_curve)
 
 
-def _shown(case: Case, metric: str, against: str, foreign: ForeignResult) -> dict[str, Any]:
+def _shown(metric: str, against: str, foreign: ForeignResult) -> dict[str, Any]:
     reason = f"shown beside a mark of {100 * _SHOWN_LIMIT:g} %: the case sets no limit for it"
     return {
         "metric": metric, "run": foreign.name, "against": against, "limit": _SHOWN_LIMIT, "gate": False, "reason": reason,
@@ -231,7 +232,8 @@ def _elastic_slope(curve: Curve) -> float:
     end = peak_index(curve)
     way = np.abs(curve.u[: end + 1] - curve.u[0])
     places = np.linspace(0.1, 0.4, 13) * way.max()
-    return curve.direction * float(np.polyfit(places, np.interp(places, np.maximum.accumulate(way), curve.F[: end + 1]), 1)[0])
+    force = np.interp(places, np.maximum.accumulate(way), curve.F[: end + 1])
+    return curve.direction * float(np.polyfit(places, force, 1)[0])
 
 
 def _expected(case: Case, out: Path) -> tuple[str, Curve]:
