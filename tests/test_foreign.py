@@ -1,7 +1,10 @@
 """Results from elsewhere: mapped, kept, judged; what they lack is said, what is wrong in them is one sentence."""
 
+import json
+import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import fake_solver
@@ -16,6 +19,7 @@ from cases.units import Units
 from verify import judge
 from verify.cli import main
 from verify.judging.acceptance import accept
+from verify.judging.archive import METADATA, ArchiveError, Imported, read_archive, write_archive
 from verify.judging.summary import compare
 from verify.runs import running
 from verify.runs.importing import ImportedError, history_of, mapped, read_table
@@ -248,3 +252,65 @@ def test_units_of_a_history_are_those_of_the_case(square: Case) -> None:
     assert isinstance(square.units, Units)
     assert history_of(pd.DataFrame({"u": U, "F": F}), load_case(square.source, "quick", "fem"))["F"].max() == F.max()
     assert read_kept(square, "fem") is not None
+
+
+# ------------------------------------------------------------------------------------------------ archives
+
+
+def test_an_archive_is_read_back_to_the_same_verdict(square: Case, tmp_path: Path) -> None:
+    there = read_back(square, tmp_path)
+    assert there.verdict == there.summary["cases"][0]["verdict"] == "PASS"
+    (tmp_path / "square-quick.zip").write_bytes(b"PK nothing")
+    with pytest.raises(ArchiveError, match="no zip file"):
+        read_archive(tmp_path / "square-quick.zip", tmp_path / "there")
+
+
+def read_back(square: Case, folder: Path) -> Imported:
+    write_archive(square, folder / "made", folder / "square-quick.zip")
+    with zipfile.ZipFile(folder / "square-quick.zip") as archive:
+        graph = json.loads(archive.read("ro-crate-metadata.json"))["@graph"]
+        assert {entity["@id"] for entity in graph if entity["@type"] == "File"} == {*archive.namelist()} - {METADATA}
+        assert not any(name.endswith(".vtu") for name in archive.namelist())
+    return read_archive(folder / "square-quick.zip", folder / "there")
+
+
+def test_fields_that_a_check_is_taken_from_are_in_the_archive(square: Case, tmp_path: Path) -> None:
+    needs = fake_solver.check("none", 1e-6).replace("peak_force", "asymmetry")
+    parameters = 'parameters = { direction = "x", middle = 0.5 }\n'
+    path = fake_solver.write_case(square.folder, needs + parameters)
+    assert write_archive(load_case(path, "quick"), tmp_path / "made", tmp_path / "a.zip") == ["mpm"]
+    found = read_archive(tmp_path / "a.zip", tmp_path / "there")
+    assert found.verdict == found.summary["cases"][0]["verdict"]
+
+
+def test_a_changed_archive_is_refused(square: Case, tmp_path: Path) -> None:
+    read_back(square, tmp_path)
+    with zipfile.ZipFile(tmp_path / "square-quick.zip") as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(tmp_path / "changed.zip", "w") as changed:
+        for name, data in content.items():
+            changed.writestr(name, data.replace(b"210", b"211") if name.endswith("case.toml") else data)
+    with pytest.raises(ArchiveError, match=r"case\.toml is missing or was changed"):
+        read_archive(tmp_path / "changed.zip", tmp_path / "there")
+
+
+# ------------------------------------------------------------------------------------ other people's tests
+
+
+def test_the_fixture_fails_with_the_table_of_checks(square: Case, tmp_path: Path) -> None:
+    written(tmp_path, csv(U, 1.1 * F))
+    test = f"def test_mine(fracture_case):\n    fracture_case({str(square.source)!r}).judge('mine.csv', tier='quick')\n"
+    written(tmp_path, test, "test_mine.py")
+    command = [sys.executable, "-m", "pytest", "-p", "verify.pytest_plugin", "-p", "no:cacheprovider", "test_mine.py"]
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "peak_force     fem" in done.stdout and "FAIL" in done.stdout
+
+
+def test_a_missing_extra_is_one_sentence_with_its_command(tmp_path: Path) -> None:
+    program = "import sys; sys.modules['numba'] = None; from verify.cli import main; main(sys.argv[1:])"
+    command = [sys.executable, "-c", program, "run", "bar_profile", "--tier", "quick", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[1])
+    said = "numba is not installed, which this needs; install it with pip install 'fracture-verify[solve]'.\n"
+    assert (done.returncode, done.stderr) == (3, said)

@@ -19,6 +19,7 @@ from cases.errors import UserError
 from cases.solvers import SOLVERS, Solver
 from numerics.costs import Costs
 from numerics.status import RunStatus
+from verify.extras import missing_extra
 from verify.runs.atomic import WriteError
 from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError, CheckpointWriter
 from verify.runs.frames import FrameWriter
@@ -219,6 +220,8 @@ class _Attempt:
                 self._finish(discretisation)
         except (WriteError, CaseError):
             raise
+        except ModuleNotFoundError as error:
+            raise missing_extra(error) or error from error
         except Exception as error:
             self.status, self.reason = RunStatus.FAILED, _one_line(error)
             with suppress(OSError):  # for whoever mends the solver; the reason is enough for the user
