@@ -60,6 +60,9 @@ class Case(CaseDescription):
         for name, body in self.bodies.items():
             if body.mesh:
                 tables["bodies"][name]["mesh"] = hashlib.sha256(body.mesh.read_bytes()).hexdigest()
+        for name, boundary in self.boundaries.items():
+            if boundary.mesh:
+                tables["boundaries"][name]["mesh"] = hashlib.sha256(boundary.mesh.read_bytes()).hexdigest()
         spec = self.run_spec(self.run) if self.run else None
         tables["solver"] = spec.solver if spec else None
         if spec and spec.foreign:

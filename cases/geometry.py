@@ -13,6 +13,7 @@ from pydantic import Field, field_validator, model_validator
 from shapely.geometry.base import BaseGeometry
 
 from cases.errors import BrokenRuleError, CaseError
+from cases.mesh_groups import only_group, read_mesh
 from cases.table import Table, require_one
 from cases.units import Length, Point
 
@@ -175,24 +176,19 @@ def _polygon_contains(polygon: BaseGeometry, points: Array, slack: float) -> NDA
     return shapely.intersects_xy(grown, points[:, 0], points[:, 1])
 
 
-def mesh_outline(path: Path) -> BaseGeometry:
-    """Union of the triangles and quadrilaterals of a mesh file, in the file's own numbers.
+def mesh_outline(path: Path, group: str | None = None) -> BaseGeometry:
+    """Union of the triangles and quadrilaterals of a mesh file, or of a group of it, in the file's own numbers.
 
     Raises
     ------
-    CaseError : the file cannot be read or holds no such cells
+    CaseError : the file cannot be read, has no such group, or holds no such cells
     """
-    return _read_outline(path, path.stat().st_mtime_ns)
+    return _read_outline(path, group, path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
-def _read_outline(path: Path, modified: int) -> BaseGeometry:
-    import meshio  # slow to import, and few cases bring a mesh
-
-    try:
-        mesh = meshio.read(path)
-    except (Exception, SystemExit):  # meshio's readers raise many kinds, and leave the program for some files
-        raise CaseError(f"{path}: the mesh cannot be read; save it in a format that meshio knows.") from None
+def _read_outline(path: Path, group: str | None, modified: int) -> BaseGeometry:
+    mesh = only_group(path, read_mesh(path), group)
     plane = [block for block in mesh.cells if block.type in ("triangle", "quad")]
     corners = [cell for block in plane for cell in mesh.points[block.data][:, :, :2]]
     if not corners:

@@ -6,11 +6,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from cases.bodies import Body
 from cases.boundaries import EDGES, BoundarySet
 from cases.discretisation import Mesh, Mpm, Staggered
+from cases.errors import BrokenRuleError
 from cases.files import read_curve
 from cases.geometry import SLACK, Array, Bounds, size_of
 from cases.judging import Check, Reference, Run, RunSpec, TierName
@@ -68,8 +69,15 @@ class CaseDescription(Table):
 
     @field_validator("boundaries")
     @classmethod
-    def _with_the_four_edges(cls, boundaries: dict[str, BoundarySet]) -> dict[str, BoundarySet]:
-        return {edge: BoundarySet(edge=edge) for edge in EDGES} | boundaries
+    def _with_the_four_edges(cls, boundaries: dict[str, BoundarySet], info: ValidationInfo) -> dict[str, BoundarySet]:
+        meshes = [body.mesh for body in info.data.get("bodies", {}).values() if body.mesh]
+        found = {edge: BoundarySet(edge=edge) for edge in EDGES}
+        for name, boundary in boundaries.items():
+            try:
+                found[name] = boundary.in_meshes(meshes)
+            except BrokenRuleError as error:
+                raise BrokenRuleError(error.text, error.remedy, f"{name}.{error.key}", error.value) from None
+        return found
 
     @field_validator("tiers")
     @classmethod

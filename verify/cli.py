@@ -123,7 +123,7 @@ def main_options(
 
 @app.command("list")
 def list_command(
-    solvers: Annotated[bool, typer.Option("--solvers", help="the solvers that a run can name, in place of cases")] = False,
+    solvers: Annotated[bool, typer.Option("--solvers", help="the solvers that runs can name")] = False,
 ) -> None:
     """List the cases of the library with their runs, or the solvers.
 

@@ -20,14 +20,14 @@ def solve(case: Case) -> pd.DataFrame:
     length, height = np.subtract(*case.bounding_box()[::-1])
     area, nodes = height * case.plane.thickness, round(length / case.mesh.h) + 1
     h, toughness, l0 = length / (nodes - 1), material.fracture.toughness, material.fracture.length_scale
-    diffusion, width = 2.0 * toughness * l0 / h**2, np.r_[0.5, np.ones(nodes - 2), 0.5]
+    width, diffusion = np.r_[0.5, np.ones(nodes - 2), 0.5], 2.0 * toughness * l0 / h**2
     c, history_field, rows = np.ones(nodes), np.zeros(nodes), []
     for u in np.arange(case.load.path[0], case.load.path[-1] + 0.5 * case.load.increment, case.load.increment):
         for _ in range(10_000):
             stress = u / np.sum(h * width / (c**2 * material.young))
             strain = stress / (c**2 * material.young)
             driving = np.maximum(history_field, 0.5 * material.young * strain**2)
-            diagonal = width * (2.0 * driving + toughness / (2.0 * l0)) + diffusion * np.r_[1.0, 2.0 * np.ones(nodes - 2), 1.0]
+            diagonal = width * (2.0 * driving + toughness / (2.0 * l0) + 2.0 * diffusion)
             beside = np.full(nodes, -diffusion)
             before, c = c, solve_banded((1, 1), [beside, diagonal, beside], width * toughness / (2.0 * l0))
             if np.abs(c - before).max() < 1e-12:

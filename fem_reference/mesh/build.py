@@ -117,7 +117,7 @@ def _opened_mesh(case: Case) -> MeshArrays:
     slits, remedy = _slits(case), REMEDY_QUADS if uses_quads(case) else REMEDY_TRIANGLES
     shapes = {index: body.shape for index, body in enumerate(case.bodies.values()) if body.shape}
     parts = [
-        _without_notches(case, read_mesh_file(body.mesh, index))
+        _without_notches(case, read_mesh_file(body.mesh, index, body.group))
         for index, body in enumerate(case.bodies.values())
         if body.mesh
     ]

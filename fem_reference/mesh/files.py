@@ -9,6 +9,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from cases.mesh_groups import only_group
 from fem_reference.mesh.arrays import (
     Floats,
     Integers,
@@ -25,8 +26,8 @@ WITHOUT_AREA = ("vertex", "line", "line3")
 FLATNESS = 1e-6
 
 
-def read_mesh_file(path: Path, body: int) -> MeshArrays:
-    """The first-order triangles or quadrilaterals of a mesh file, all given to the body of that index.
+def read_mesh_file(path: Path, body: int, group: str | None = None) -> MeshArrays:
+    """The first-order triangles or quadrilaterals of a mesh file or a group of it, given to the body of that index.
 
     The z coordinate is dropped, points of no element are removed, and a mesh numbered clockwise throughout is
     turned round. Lines and vertices in the file are passed over.
@@ -34,7 +35,7 @@ def read_mesh_file(path: Path, body: int) -> MeshArrays:
     Raises MeshError when the file cannot be read, holds no such elements, mixes them, leaves the x-y plane,
     or has inverted or collapsed elements.
     """
-    content = _read(path)
+    content = only_group(path, _read(path), group)
     cells = _plane_cells(path, content)
     points = np.asarray(content.points, dtype=np.float64)
     mesh = MeshArrays(points, cells, np.full(len(cells), body)).without_unused_points()

@@ -88,7 +88,7 @@ def _copy_run(run: RunFolder, target: Path, fields: bool) -> None:
 def _without_which_it_differs(case: Case, moved: Case, out: Path, root: Path) -> list[str]:
     """Runs of the checks that end otherwise where there are no fields."""
     pairs = zip(judge_case(case, out).checks, judge_case(moved, root).checks, strict=True)
-    differing = [before.check for before, after in pairs if (before.verdict, before.value) != (after.verdict, after.value)]
+    differing = [one.check for one, other in pairs if (one.verdict, one.value) != (other.verdict, other.value)]
     families = {name for check in differing for name in (check.run, check.target[1])}
     specs = case.run_specs().values()
     there = {name for name, state in find_runs(case, out).items() if state.run is not None}
