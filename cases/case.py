@@ -58,13 +58,21 @@ class Case(CaseDescription):
         """
         tables = self.model_dump(mode="json", exclude=_NOT_HASHED, exclude_defaults=stated)
         for name, body in self.bodies.items():
-            if body.mesh:
-                tables["bodies"][name]["mesh"] = hashlib.sha256(body.mesh.read_bytes()).hexdigest()
+            _enter_mesh(tables["bodies"][name], body.mesh, body.group)
         for name, boundary in self.boundaries.items():
-            if boundary.mesh:
-                tables["boundaries"][name]["mesh"] = hashlib.sha256(boundary.mesh.read_bytes()).hexdigest()
+            _enter_mesh(tables["boundaries"][name], boundary.mesh, boundary.group)
+            if boundary.mesh is None:
+                tables["boundaries"][name].pop("mesh", None)
         spec = self.run_spec(self.run) if self.run else None
         tables["solver"] = spec.solver if spec else None
         if spec and spec.foreign:
             tables["foreign"] = spec.foreign.checksum()
         return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _enter_mesh(table: dict[str, Any], mesh: Path | None, group: str | None) -> None:
+    """A mesh by its content, wherever it lies; a group that is not asked for is no part of what is computed."""
+    if mesh is not None:
+        table["mesh"] = hashlib.sha256(mesh.read_bytes()).hexdigest()
+    if group is None:
+        table.pop("group", None)

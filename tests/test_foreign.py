@@ -136,11 +136,11 @@ def test_what_is_wrong_is_one_sentence_that_lists_what_was_found(
 
 def test_what_is_left_out_of_a_kept_history_lies_on_lines_between_the_rest() -> None:
     x = np.linspace(0.0, 1.0, 400)
-    history = pd.DataFrame({"step": range(400), "u": x, "F": np.where(x < 0.7, np.sin(2 * x), 0.0), "E": x**2})
+    history = pd.DataFrame({"step": range(400), "u": x, "F": np.where(x < 0.7, np.sin(2 * x), 0.0), "E_el": x**2})
     fewer = reduced(history, 1e-3)
     assert len(fewer) < 60
     assert fewer["F"].max() == history["F"].max()
-    for name in ("F", "E"):
+    for name in ("F", "E_el"):
         assert np.abs(np.interp(x, fewer["u"], fewer[name]) - history[name]).max() < 4e-3 * np.ptp(history[name])
 
 

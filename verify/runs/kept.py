@@ -26,10 +26,13 @@ from verify.runs.run_folder import HISTORY_COLUMNS, RunFolder, run_path
 from verify.runs.run_writer import write_run
 
 RESULTS = "results"
-#: how far a point that is left out may be from the line between those that are kept, over the range of each column
+#: how far a point that is left out may be from the line between those that are kept, over the range of its column
 TOLERANCE = 2e-3
+#: the same for what moves, whose energies swing
+TOLERANCE_OF_MOTION = 1e-2
 #: columns that are kept, besides those of moving bodies
 COLUMNS = ("step", "time", "u", "F", "E_el", "E_frac", "E_kin", "W_ext", "c_min")
+ENERGIES = ("E_el", "E_frac", "E_kin", "W_ext")
 _CRACK_PATH = ".crack_path.csv"
 
 
@@ -69,12 +72,15 @@ def _file(case: Case, run: str) -> Path:
 def reduced(history: pd.DataFrame, tolerance: float = TOLERANCE) -> pd.DataFrame:
     """The rows of a history between which all others lie on straight lines, within a share of each column's range.
 
-    Ramer, Douglas and Peucker's rule in the space of all columns; the rows of the least and largest F are kept.
+    Ramer, Douglas and Peucker's rule in the space of `COLUMNS`, the energies over the largest range of one; further ones
+    go along. The rows of the least and largest F are kept.
     """
-    values = history[[name for name in history if name != "step"]].to_numpy(dtype=float)
-    spread = np.ptp(values, axis=0)
-    scaled = values / np.where(spread > 0.0, spread, 1.0)
-    kept = {0, len(values) - 1, int(history["F"].argmax()), int(history["F"].argmin())}
+    columns = [name for name in COLUMNS if name in history and name != "step"]
+    spread = history[columns].max() - history[columns].min()
+    energies = [name for name in columns if name in ENERGIES]
+    spread[energies] = spread[energies].max()
+    scaled = (history[columns] / spread.where(spread > 0.0, 1.0)).to_numpy(dtype=float)
+    kept = {0, len(scaled) - 1, int(history["F"].argmax()), int(history["F"].argmin())}
     ends = sorted(kept)
     todo = list(itertools.pairwise(ends))
     while todo:
@@ -102,12 +108,13 @@ def keep(case: Case, run: RunFolder) -> Path:
     name = run.info["run"]
     of_run = load_case(case.source, case.tier, name)
     further = [column for column in run.history if column not in HISTORY_COLUMNS]
-    history = reduced(run.history[[*COLUMNS, *further]])
+    tolerance = TOLERANCE_OF_MOTION if of_run.dynamics else TOLERANCE
+    history = reduced(run.history[[*COLUMNS, *further]], tolerance)
     told = {key: run.info[key] for key in ("run", "tier", "solver", "status", "reason", "code_version", "processor")}
     told |= {
         "stated_hash": of_run.hash(stated=True),
         "seconds": run.info["seconds"].get("total", 0.0),
-        "rows": f"{len(history)} of {len(run.history)}, within {TOLERANCE:g} of each column's range",
+        "rows": f"{len(history)} of {len(run.history)}, within {tolerance:g} of each column's range",
         "measures": {key: value for key, value in run.info["measures"].items() if value is not None},
     }
     head = "".join(f"# {key} = {toml_value(value)}\n" for key, value in told.items())
