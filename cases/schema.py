@@ -71,7 +71,7 @@ class CaseDescription(Table):
     @classmethod
     def _with_the_four_edges(cls, boundaries: dict[str, BoundarySet], info: ValidationInfo) -> dict[str, BoundarySet]:
         meshes = [body.mesh for body in info.data.get("bodies", {}).values() if body.mesh]
-        found = {edge: BoundarySet(edge=edge) for edge in EDGES}
+        found: dict[str, BoundarySet] = {edge: BoundarySet(edge=edge) for edge in EDGES}
         for name, boundary in boundaries.items():
             try:
                 found[name] = boundary.in_meshes(meshes)

@@ -46,7 +46,8 @@ def judge(
     UserError : a mistake in case, map or files, in one sentence.
     """
     loaded = case if isinstance(case, Case) else load_case(case, tier)
-    history, crack_path = (Path(given) if isinstance(given, str) else given for given in (history, crack_path))
+    history = Path(history) if isinstance(history, str) else history
+    crack_path = Path(crack_path) if isinstance(crack_path, str) else crack_path
     folder = Path(out) if out is not None else DEFAULT_FOLDER / loaded.name
     judged = judge_foreign(loaded, ForeignResult(history, map, crack_path, name, within), folder)
     write_report(folder)

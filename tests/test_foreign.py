@@ -242,7 +242,7 @@ def test_judging_loads_no_solver_and_no_vtk(square: Case, tmp_path: Path) -> Non
 import sys
 from verify import judge
 judge({str(square.source)!r}, {str(mine)!r}, tier="quick", out={str(tmp_path / "out")!r})
-print([name for name in ("numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen") if name in sys.modules])
+print([name for name in ("numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen", "skimage") if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=Path(__file__).parents[1])
     assert done.stdout.strip() == "[]", done.stderr

@@ -8,7 +8,7 @@ from cases.errors import UserError
 EXTRAS = {
     "solve": ("numba", "skfem"),
     "mesh": ("netgen", "meshio"),
-    "fields": ("pyvista", "vtkmodules", "vtk"),
+    "fields": ("pyvista", "vtkmodules", "vtk", "skimage"),
     "fast": ("pypardiso",),
     "dask": ("dask", "distributed"),
 }

@@ -19,7 +19,6 @@ from scipy.signal import savgol_filter
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import QhullError, cKDTree
-from skimage.morphology import skeletonize
 
 if TYPE_CHECKING:
     from cases import Case
@@ -280,6 +279,8 @@ class _Skeleton:
     """
 
     def __init__(self, mask: Mask, raster: _Raster) -> None:
+        from skimage.morphology import skeletonize  # only fields need it, and it is slow to import
+
         skeleton = skeletonize(np.pad(mask, 1))[1:-1, 1:-1]
         pixels = np.argwhere(skeleton)
         self.nodes = raster.positions(pixels)

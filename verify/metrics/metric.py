@@ -144,6 +144,6 @@ def run_name(run: RunData) -> str:
 def history_column(run: RunData, name: str) -> np.ndarray:
     """A column (n,) of the run's history; NotGivenError where it has none or no number in it."""
     if name not in run.history or run.history[name].isna().all():
-        known = ", ".join(column for column in run.history if run.history[column].notna().any())
+        known = ", ".join(str(column) for column in run.history if run.history[column].notna().any())
         raise NotGivenError(f"{run_name(run)}: its history has no values of {name}; it has {known or 'no rows'}")
     return run.history[name].to_numpy(dtype=float)

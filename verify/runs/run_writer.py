@@ -5,9 +5,8 @@ import itertools
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 from xml.etree import ElementTree
@@ -141,20 +140,23 @@ class RunWriter(Listener):
         csv.writer(self._history, lineterminator="\n").writerow(values)
         self._history.flush()
 
-    def record(self, record: "Record", discretisation: ObservedDiscretisation | None) -> None:
+    def record(self, record: "Record", discretisation: ObservedDiscretisation) -> None:
         """Append a good record to the history; write fields when they are due."""
         if not record.is_good:
             return
         before = self._last.u if self._last else record.u
-        row = record.row()
+        self.append(record.row())
+        self._last = record
+        if self._snapshot_due(before, record.u):
+            self._write_snapshot(discretisation.fields())
+
+    def append(self, row: Mapping[str, float]) -> None:
+        """Append a row to the history, below its columns' names."""
         with writing(self.partial / "history.csv"):
             if not self._rows:
                 self._write_row(row)
             self._write_row(row.values())
-        self._last = record
         self._rows += 1
-        if self._snapshot_due(before, record.u) and discretisation is not None:
-            self._write_snapshot(discretisation.fields())
 
     def _snapshot_due(self, before: float, now: float) -> bool:
         """True at the first record that reaches or passes a wanted load parameter."""
@@ -231,34 +233,6 @@ class RunWriter(Listener):
         return {file: file_checksum(self.partial / file) for file in files}
 
 
-@dataclass(frozen=True)
-class _TableRow:
-    """A row of a table as the record that `RunWriter` takes."""
-
-    values: dict[str, float]
-    status: RunStatus = RunStatus.COMPLETE
-    reason: str = ""
-    share: float = 1.0
-    is_last: bool = False
-    is_good: bool = True
-
-    @property
-    def step(self) -> int:
-        return int(self.values["step"])
-
-    @property
-    def u(self) -> float:
-        return float(self.values["u"])
-
-    @property
-    def seconds(self) -> float:
-        return float(self.values["seconds"])
-
-    def row(self) -> dict[str, float]:
-        """Columns of the history."""
-        return self.values
-
-
 def write_run(folder: Path, history: pd.DataFrame, crack_path: np.ndarray, info: dict[str, Any]) -> None:
     """Write the folder of a run of which a table of its history and a crack path (n, 2) are all there is.
 
@@ -267,7 +241,7 @@ def write_run(folder: Path, history: pd.DataFrame, crack_path: np.ndarray, info:
     with RunWriter(folder) as files:
         files.start(None, "")
         for row in history.to_dict("records"):
-            files.record(_TableRow({str(name): value for name, value in row.items()}), None)
+            files.append({str(name): value for name, value in row.items()})
         files.close(info, crack_path)
 
 
