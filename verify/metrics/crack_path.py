@@ -15,7 +15,6 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 from scipy.interpolate import LinearNDInterpolator
-from scipy.signal import savgol_filter
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import QhullError, cKDTree
@@ -456,6 +455,8 @@ def _normals(line: Array, vertices: float) -> Array:
 
 
 def _smooth(line: Array) -> Array:
+    from scipy.signal import savgol_filter  # a second to import, and only fields need it
+
     return savgol_filter(line, 7, 2, axis=0) if len(line) >= 7 else line
 
 
