@@ -183,6 +183,21 @@ def test_a_metric_that_the_data_do_not_allow_is_a_sentence_and_no_failure(square
     assert with_path.checks.set_index("metric")["value"]["crack_length"].iloc[0] == 1.0
 
 
+def test_a_result_that_does_not_unload_is_held_against_the_first_branch(square: Case, tmp_path: Path) -> None:
+    kept = read_kept(square, "fem")
+    assert kept is not None
+    file = square.folder / "results" / "quick" / "fem.csv"
+    last = kept.history.iloc[-1]
+    back = f"99,{last['time'] + 1},0.002,0.1,0,0,0,0,0\n"
+    file.write_text(file.read_text(encoding="utf-8") + back, encoding="utf-8")
+    judged = judge(square, pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    assert judged.verdict == "PASS"
+    assert judged.remarks[1] == "Run fem is shown up to u = 0.01, where its load turns back."
+    short = judge(square, pd.DataFrame({"u": U[:8], "F": F[:8]}), out=tmp_path / "out")
+    note = short.checks.set_index("metric")["note"]["curve_l2_whole"].iloc[0]
+    assert "covers only" in note and short.checks["verdict"].eq("FAIL").sum() == 2  # of the peak, which is there
+
+
 @pytest.mark.parametrize(
     ("factor", "said"),
     [(0.5, "half model"), (1000.0, "unit"), (-1.0, "sign"), (1.2, "elastic part differs"), (1.0, "agrees")],
@@ -242,7 +257,8 @@ def test_judging_loads_no_solver_and_no_vtk(square: Case, tmp_path: Path) -> Non
 import sys
 from verify import judge
 judge({str(square.source)!r}, {str(mine)!r}, tier="quick", out={str(tmp_path / "out")!r})
-print([name for name in ("numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen", "skimage") if name in sys.modules])
+heavy = ("numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen", "skimage")
+print([name for name in heavy if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=Path(__file__).parents[1])
     assert done.stdout.strip() == "[]", done.stderr

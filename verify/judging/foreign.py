@@ -96,13 +96,20 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
     named = replace(foreign, name=_run_name(foreign, case))
     shutil.rmtree(out / "runs" / case.name / case.tier, ignore_errors=True)
     written = _write_case(case, named, out)
-    _, left_out = restore(written, out)
     imported = run(written, named.name, case.tier, out, force=True)
+    _, about_kept = restore(written, out, first_branch=not case.dynamics and not _turns_back(imported))
     summary = summarise([written], case.tier, out)
     entry = summary["cases"][0]
-    entry["remarks"] = [*remarks(written, imported, out), *left_out]
+    entry["remarks"] = [*remarks(written, imported, out), *about_kept]
     write_summary(summary, out)
     return Judgement(entry, out, imported)
+
+
+def _turns_back(imported: RunFolder) -> bool:
+    try:
+        return Curve.from_history(imported.history).cyclic
+    except CurveError:
+        return False
 
 
 def _run_name(foreign: ForeignResult, case: Case) -> str:

@@ -161,7 +161,7 @@ class Judge:
         except (UnavailableError, NothingToCompareError) as missing:
             return self._without_error(check, "MISSING", value, source, str(missing))
         except (CurveError, RunFolderError, ValueError) as error:
-            if isinstance(error, NotGivenError) and self._comes_as_a_table(check):
+            if isinstance(error, NotGivenError | CurveError) and self._comes_as_a_table(check):
                 check = check.model_copy(update={"gate": False})
             return self._without_error(check, "FAIL", value, source, str(error))
         if not math.isfinite(distance):

@@ -21,6 +21,7 @@ import pandas as pd
 from cases import Case, UserError, load_case
 from cases.copies import toml_value
 from cases.solvers import SOLVERS
+from verify.metrics.curves import Curve, first_branch_end
 from verify.runs.atomic import write_text
 from verify.runs.run_folder import HISTORY_COLUMNS, RunFolder, run_path
 from verify.runs.run_writer import write_run
@@ -160,25 +161,31 @@ def read_kept(case: Case, run: str) -> Kept | None:
         raise KeptError(f"{path}: is damaged ({' '.join(str(error).split())}); restore the file.") from error
 
 
-def restore(case: Case, out: Path) -> tuple[list[str], list[str]]:
+def restore(case: Case, out: Path, first_branch: bool = False) -> tuple[list[str], list[str]]:
     """Kept results of a case at its tier as run folders under ``out``.
+
+    first_branch : only up to where the load first turns back
 
     Returns
     -------
     runs : that are there now
-    left_out : a sentence for each main run that is not
+    remarks : a sentence for each main run that is not, or that is shortened
     """
-    runs, left_out = [], []
+    runs, remarks = [], []
     for name in main_runs(case):
         kept, of_run = read_kept(case, name), load_case(case.source, case.tier, name)
         if kept is None:
-            left_out.append(f"no result of run {name} is kept for tier {case.tier}")
+            remarks.append(f"No result of run {name} is kept for tier {case.tier}.")
         elif not kept.fits(of_run):
-            left_out.append(f"the kept result of run {name} is of another version of the case")
+            remarks.append(f"The kept result of run {name} is of another version of the case.")
         else:
-            write_run(run_path(out, case.name, case.tier, name), kept.history, kept.crack_path, _info(kept, of_run))
+            history = kept.history
+            if first_branch and (turn := first_branch_end(Curve.from_history(history, name))) < len(history) - 1:
+                remarks.append(f"Run {name} is shown up to u = {history['u'].iloc[turn]:g}, where its load turns back.")
+                history = history.iloc[: turn + 1]
+            write_run(run_path(out, case.name, case.tier, name), history, kept.crack_path, _info(kept, of_run))
             runs.append(name)
-    return runs, left_out
+    return runs, remarks
 
 
 def _info(kept: Kept, case: Case) -> dict[str, Any]:
