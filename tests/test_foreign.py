@@ -220,6 +220,11 @@ def test_the_command_judges_a_file_and_exits_by_the_verdict(
             main([*arguments, *more])
         assert ended.value.code == code
     assert "mine" in capsys.readouterr().out
+    for more, said in ((["--map", "F = a + b"], "map: 'F = a + b'"), (["--map", "u = x"], f"{mine}: has no column 'x'")):
+        with pytest.raises(SystemExit) as ended:
+            main([*arguments, *more])
+        assert ended.value.code == 3
+        assert said in capsys.readouterr().err
 
 
 def test_an_imported_run_of_a_case_file_is_run_and_compared_like_others(

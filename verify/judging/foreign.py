@@ -13,8 +13,10 @@ import pandas as pd
 
 from cases import Case, Check, UserError, load_case
 from cases.copies import write_copy
+from cases.errors import BrokenRuleError
 from cases.judging import Reference, merge
 from cases.loader import read_tables
+from cases.mapping import parse_mapping
 from cases.solvers import IMPORTED
 from verify.judging.judge import checks_of
 from verify.judging.summary import summarise, write_summary
@@ -22,6 +24,7 @@ from verify.judging.targets import CURVE_METRICS, JudgeError, reference_curve
 from verify.judging.views import Json
 from verify.metrics.curves import Curve, CurveError, peak_force, peak_index
 from verify.metrics.registry import PAIR_METRICS
+from verify.runs.importing import mapped, read_path, read_table
 from verify.runs.kept import main_runs, restore
 from verify.runs.run_folder import RunFolder
 from verify.runs.running import run
@@ -93,6 +96,7 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
     ------
     UserError : the result cannot be read; one sentence tells what was found.
     """
+    _require_readable(case, foreign)
     named = replace(foreign, name=_run_name(foreign, case))
     shutil.rmtree(out / "runs" / case.name / case.tier, ignore_errors=True)
     written = _write_case(case, named, out)
@@ -103,6 +107,25 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
     entry["remarks"] = [*remarks(written, imported, out), *about_kept]
     write_summary(summary, out)
     return Judgement(entry, out, imported)
+
+
+def _require_readable(case: Case, foreign: ForeignResult) -> None:
+    """Raise UserError for what is wrong in the map or the files, while they have the names that the user knows."""
+    try:
+        mapping = parse_mapping(foreign.map)
+    except BrokenRuleError as error:
+        raise UserError(f"map: {(error.value or foreign.map)!r} {error.text}; {error.remedy}.") from None
+    given = foreign.history
+    for file in (given, foreign.crack_path):
+        if isinstance(file, Path) and not file.is_file():
+            raise UserError(f"{file}: is no file; name a CSV file.")
+    mapped(read_table(given) if isinstance(given, Path) else given, mapping, case, _called(given))
+    if isinstance(foreign.crack_path, Path):
+        read_path(foreign.crack_path)
+
+
+def _called(given: Path | pd.DataFrame) -> str:
+    return str(given) if isinstance(given, Path) else "history"
 
 
 def _turns_back(imported: RunFolder) -> bool:
@@ -151,8 +174,6 @@ def _run_table(foreign: ForeignResult, out: Path) -> dict[str, Any]:
 
 def _as_file(given: Path | pd.DataFrame, out: Path, name: str) -> str:
     if isinstance(given, Path):
-        if not given.is_file():
-            raise UserError(f"{given}: is no file; name a CSV file.")
         return str(given.resolve())
     path = out / "given" / f"{name}.csv"
     path.parent.mkdir(parents=True, exist_ok=True)
