@@ -14,6 +14,7 @@ import pytest
 
 from cases import Case, CaseError, load_case
 from cases.errors import BrokenRuleError
+from cases.loader import LIBRARY
 from cases.mapping import parse_mapping
 from cases.units import Units
 from verify import judge
@@ -159,6 +160,14 @@ def test_a_kept_result_of_another_version_of_the_case_is_no_reference(square: Ca
     restored, left_out = restore(load_case(square.source, "quick"), tmp_path / "out")
     assert restored == []
     assert "of another version of the case" in left_out[0]
+
+
+def test_without_kept_results_the_published_ones_are_left(square: Case, tmp_path: Path) -> None:
+    reference = '[references.paper]\nkind = "table"\nsource = "Somebody"\nvalues = { peak_force = 0.5 }\n'
+    path = fake_solver.write_case(tmp_path / "other", reference, fake_solver.check("reference:paper", 0.1))
+    judged = judge(load_case(path, "quick"), pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    assert judged.verdict == "PASS"
+    assert "No result of run fem is kept for tier quick." in judged.remarks
 
 
 # ------------------------------------------------------------------------------------------------ judging
@@ -335,3 +344,13 @@ def test_a_missing_extra_is_one_sentence_with_its_command(tmp_path: Path) -> Non
     done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[1])
     said = "numba is not installed, which this needs; install it with pip install 'fracture-verify[solve]'.\n"
     assert (done.returncode, done.stderr) == (3, said)
+
+
+@pytest.mark.parametrize("file", sorted(LIBRARY.glob("*/results/*/*.csv")), ids=lambda file: "-".join(file.parts[-4:]))
+def test_a_kept_result_of_the_library_is_of_the_case_as_it_stands(file: Path) -> None:
+    """Where it is not, `verify accept` keeps another one."""
+    if file.name.endswith(".crack_path.csv"):
+        return
+    kept = read_kept(load_case(file.parents[2] / "case.toml", file.parent.name), file.stem)
+    assert kept is not None and kept.fits(load_case(file.parents[2] / "case.toml", file.parent.name, file.stem))
+    assert np.isfinite(kept.history[["time", "u", "F"]].to_numpy(float)).all()

@@ -25,7 +25,7 @@ from verify.judging.views import Json
 from verify.metrics.curves import Curve, CurveError, peak_force, peak_index
 from verify.metrics.registry import PAIR_METRICS
 from verify.runs.importing import mapped, read_path, read_table
-from verify.runs.kept import main_runs, restore
+from verify.runs.kept import main_runs, read_kept, restore
 from verify.runs.run_folder import RunFolder
 from verify.runs.running import run
 
@@ -150,11 +150,11 @@ def _write_case(case: Case, foreign: ForeignResult, out: Path) -> Case:
     tables = read_tables(case.source)
     of_tier = tables.get("tiers", {}).get(case.tier, {})
     runs = merge(tables.get("runs", {}), of_tier.get("runs", {}))
-    kept = [name for name in main_runs(case) if name in runs]
+    kept = [name for name in main_runs(case) if read_kept(case, name) is not None]
     tables = {key: value for key, value in tables.items() if key not in ("charts", "maps")}
     left = ("runs", "charts", "maps")
     tables["tiers"] = {case.tier: {key: value for key, value in of_tier.items() if key not in left}}
-    tables["runs"] = {name: runs[name] for name in kept} | {foreign.name: _run_table(foreign, out)}
+    tables["runs"] = {name: runs[name] for name in main_runs(case)} | {foreign.name: _run_table(foreign, out)}
     tables["checks"] = foreign_checks(case, foreign, kept)
     path = write_copy(case, out / "cases", tables)
     return load_case(path, case.tier)
@@ -192,7 +192,7 @@ def foreign_checks(case: Case, foreign: ForeignResult, kept: list[str]) -> list[
     """
     found: dict[tuple[str, str, str], dict[str, Any]] = {}
     for check in checks_of(case):
-        for against in _targets(check, kept):
+        for against in _targets(case, check, kept):
             table = _table(check, against, foreign)
             key = (check.metric, against, str(sorted(check.parameters.items())))
             if key not in found or (table["gate"], table["limit"]) > (found[key]["gate"], found[key]["limit"]):
@@ -203,13 +203,14 @@ def foreign_checks(case: Case, foreign: ForeignResult, kept: list[str]) -> list[
     return list(found.values())
 
 
-def _targets(check: Check, kept: list[str]) -> list[str]:
+def _targets(case: Case, check: Check, kept: list[str]) -> list[str]:
     kind, other = check.target
-    if check.run not in kept or kind == "baseline":
+    mains = main_runs(case)
+    if check.run not in mains or kind == "baseline":
         return []
     if kind != "run":
         return [check.against]
-    return list(kept) if other in kept else []
+    return list(kept) if other in mains else []
 
 
 def _table(check: Check, against: str, foreign: ForeignResult) -> dict[str, Any]:
