@@ -175,9 +175,10 @@ def _calm_error_axis(axes: Any, table: pd.DataFrame, peak_u: float) -> str:
 
 
 def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
-    """Draw elastic, fracture, kinetic energy, their sum and the external work of each run."""
-    runs = results.shown_runs()
-    shown = results.main_runs(LARGEST_ENERGY_PANELS) if len(runs) > LARGEST_ENERGY_PANELS else runs
+    """Draw elastic, fracture, kinetic energy, their sum and the external work of each run that tells them."""
+    runs = [run for run in results.shown_runs() if run.tells("E_el", "E_frac")]
+    many = len(runs) > LARGEST_ENERGY_PANELS
+    shown = [run for run in results.main_runs(LARGEST_ENERGY_PANELS) if run in runs] if many else runs
     if not shown:
         return None
     columns = min(len(shown), 3)

@@ -122,6 +122,10 @@ class RunResults:
         """The converged increments, one row each, in case units."""
         return self.folder.history
 
+    def tells(self, *columns: str) -> bool:
+        """Whether the history has values of these columns, which a result from elsewhere need not have."""
+        return all(name in self.history and self.history[name].notna().any() for name in columns)
+
     @property
     def crack_path(self) -> np.ndarray:
         """The crack as a polyline in reference coordinates, shape (n, 2), n = 0 when nothing broke."""

@@ -236,6 +236,15 @@ def test_the_command_judges_a_file_and_exits_by_the_verdict(
         assert said in capsys.readouterr().err
 
 
+def test_a_moving_result_is_judged_by_what_it_tells(tmp_path: Path) -> None:
+    table = pd.DataFrame({"time": [0.0, 0.1, 0.2], "E_kin": [13.7, 13.0, 13.7]})
+    judged = judge("elastic_rings", table, out=tmp_path)
+    assert judged.verdict == "NOT_CHECKED"
+    assert judged.checks["note"].str.len().gt(0).all()
+    page = judged.page.read_text(encoding="utf-8")
+    assert "could not be drawn" not in page and "nan" not in page.replace("finance", "")
+
+
 def test_an_imported_run_of_a_case_file_is_run_and_compared_like_others(
     square: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

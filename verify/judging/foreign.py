@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cases import Case, Check, UserError, load_case
+from cases import Case, Check, UserError, list_cases, load_case
 from cases.copies import write_copy
 from cases.errors import BrokenRuleError
 from cases.judging import Reference, merge
@@ -104,6 +105,7 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
     _, about_kept = restore(written, out, first_branch=not case.dynamics and not _turns_back(imported))
     summary = summarise([written], case.tier, out)
     entry = summary["cases"][0]
+    entry["command"] = _command(case, named)
     entry["remarks"] = [*remarks(written, imported, out), *about_kept]
     write_summary(summary, out)
     return Judgement(entry, out, imported)
@@ -124,8 +126,20 @@ def _require_readable(case: Case, foreign: ForeignResult) -> None:
         read_path(foreign.crack_path)
 
 
+def _command(case: Case, foreign: ForeignResult) -> str:
+    """What judges the same files again."""
+    options = {"--map": foreign.map, "--tier": case.tier, "--name": foreign.name}
+    if isinstance(foreign.crack_path, Path):
+        options["--crack-path"] = str(foreign.crack_path)
+    if foreign.within is not None:
+        options["--within"] = f"{foreign.within:g}"
+    said = [word for pair in options.items() if pair[1] for word in pair]
+    asked = case.name if case.name in list_cases() else str(case.source)
+    return shlex.join(["verify", "judge", asked, "--history", _called(foreign.history), *said])
+
+
 def _called(given: Path | pd.DataFrame) -> str:
-    return str(given) if isinstance(given, Path) else "history"
+    return str(given) if isinstance(given, Path) else "TABLE"
 
 
 def _turns_back(imported: RunFolder) -> bool:
