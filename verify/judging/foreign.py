@@ -202,7 +202,8 @@ def foreign_checks(case: Case, foreign: ForeignResult, kept: list[str]) -> list[
     """The checks of a result from elsewhere, as tables of a case file.
 
     Those that hold a kept run against the other, against print or an exact solution apply with the same limits, against
-    each of the kept runs; those against the case's own baseline do not. The metrics of `SHOWN` are told besides.
+    each of the kept runs, those of two curves or paths against the one that the case takes for the reference; those against
+    the case's own baseline do not. The metrics of `SHOWN` are told besides.
     """
     found: dict[tuple[str, str, str], dict[str, Any]] = {}
     for check in checks_of(case):
@@ -230,6 +231,8 @@ def _targets(case: Case, check: Check, kept: list[str]) -> list[str]:
 def _table(check: Check, against: str, foreign: ForeignResult) -> dict[str, Any]:
     table = check.model_dump(mode="json", include={"metric", "error_kind", "limit", "gate", "reason", "parameters"})
     table |= {"run": foreign.name, "against": against}
+    # an error relative to the force of the other run is another error
+    table["gate"] = check.gate and (check.metric not in PAIR_METRICS or against == check.against)
     if foreign.within is not None and check.error_kind == "relative" and check.target[0] != "none":
         table |= {"limit": foreign.within, "reason": f"asked for; the case: {check.limit:g}, {check.reason}"}
     return table

@@ -28,7 +28,7 @@ from verify.runs.run_writer import write_run
 
 RESULTS = "results"
 #: how far a point that is left out may be from the line between those that are kept, over the range of its column
-TOLERANCE = 2e-3
+TOLERANCE = 1e-3
 #: the same for what moves, whose energies swing
 TOLERANCE_OF_MOTION = 1e-2
 #: columns that are kept, besides those of moving bodies
