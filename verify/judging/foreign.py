@@ -312,7 +312,7 @@ def _remark(case: Case, ratio: float, name: str, excess: float) -> str:
             return f"{elastic}, and the peak differs by {100 * excess:+.2g} %."
         return (
             f"{elastic}, the peak differs by {100 * excess:+.3g} %: look at toughness, length scale, split,"
-            " the spacing h over l0 and the increments."
+            f" the spacing h over l0 and the increments.{_seen_toughness(case, name)}"
         )
     for value, cause in causes.items():
         if abs(ratio / value - 1.0) <= SAME_STIFFNESS:
@@ -321,3 +321,11 @@ def _remark(case: Case, ratio: float, name: str, excess: float) -> str:
         f"{said}: the elastic part differs already; look at elastic constants, plane strain or stress, thickness,"
         " supports and where u is measured."
     )
+
+
+def _seen_toughness(case: Case, name: str) -> str:
+    """What the spacing of a kept run does to its toughness, as in `verify.judging.targets.seen_toughness`."""
+    scales = [material.fracture.length_scale for material in case.materials.values() if material.fracture]
+    if name not in case.runs or not scales:
+        return ""
+    return f" That of {name} raises the toughness that it sees by h / (4 l0) = {25.0 * case.mesh.h / scales[0]:.2g} %."
