@@ -11,6 +11,7 @@ from verify.metrics.histories import missing_energy
 from verify.metrics.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style
+from .results import tells
 from .words import listed, number
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
     for axes, kind in zip(grid.flat, kinds, strict=False):
         _draw_over_time(axes, runs, colours, {run.name: run.history[kind] for run in runs if kind in run.history})
         axes.set(title=ENERGIES[kind], ylabel=f"[{results.unit('energy')}]")
-    balanced = [run for run in runs if run.tells("E_el", "E_frac", "E_kin", "W_ext")]
+    balanced = [run for run in runs if tells(run, "E_el", "E_frac", "E_kin", "W_ext")]
     missing = {run.name: 100.0 * _missing_energy(run.history) for run in balanced}
     balance = grid.flat[len(kinds)]
     _draw_over_time(balance, runs, colours, missing)
@@ -147,7 +148,7 @@ def _branching_in_words(results: CaseResults, found: dict[str, Any]) -> str:
 
 def momentum(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the momentum of each body and of all, in x and y, for cases of several bodies."""
-    runs = [run for run in results.main_runs() if run.tells("momentum_x", "momentum_y")]
+    runs = [run for run in results.main_runs() if tells(run, "momentum_x", "momentum_y")]
     if results.case is None or len(results.case.bodies) < 2 or not runs:
         return None
     names = list(results.case.bodies)

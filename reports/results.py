@@ -122,10 +122,6 @@ class RunResults:
         """The converged increments, one row each, in case units."""
         return self.folder.history
 
-    def tells(self, *columns: str) -> bool:
-        """Whether the history has values of these columns, which a result from elsewhere need not have."""
-        return all(name in self.history and self.history[name].notna().any() for name in columns)
-
     @property
     def crack_path(self) -> np.ndarray:
         """The crack as a polyline in reference coordinates, shape (n, 2), n = 0 when nothing broke."""
@@ -166,6 +162,11 @@ class RunResults:
             displacement=np.asarray(mesh.point_data["displacement"])[:, :2],
             phase_field=np.asarray(mesh.point_data["phase_field"]),
         )
+
+
+def tells(run: RunResults, *columns: str) -> bool:
+    """Whether a run's history has values of these columns, which a result from elsewhere need not have."""
+    return all(name in run.history and run.history[name].notna().any() for name in columns)
 
 
 class CaseResults:

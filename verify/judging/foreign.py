@@ -202,7 +202,7 @@ def foreign_checks(case: Case, foreign: ForeignResult, kept: list[str]) -> list[
     """The checks of a result from elsewhere, as tables of a case file.
 
     Those that hold a kept run against the other, against print or an exact solution apply with the same limits, against
-    each of the kept runs, those of two curves or paths against the one that the case takes for the reference; those against
+    each of the kept runs, those of two curves or paths against the one that is the reference in the case; those against
     the case's own baseline do not. The metrics of `SHOWN` are told besides.
     """
     found: dict[tuple[str, str, str], dict[str, Any]] = {}
