@@ -8,18 +8,36 @@ OUT ?= reports/out
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install verify charts test lint readme clean
+HISTORY ?=
+MAP ?=
+
+.PHONY: help install judge verify charts test lint readme clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-install: .venv/installed ## make .venv and install the pinned dependencies and the project into it
+install: .venv/developed ## make .venv with the pinned dependencies, the project and what its tests and lint need
 
-.venv/installed: constraints.txt pyproject.toml
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+# What judges results: the plain installation, without solvers.
+.venv/light: constraints.txt pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make install PYTHON=python3.12")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(PIP) -e .
 	@touch $@
+
+.venv/installed: .venv/light
+	$(PIP) -e '.[fast]'
+	@touch $@
+
+.venv/developed: .venv/installed
+	$(PIP) -e '.[dev]'
+	@touch $@
+
+judge: .venv/light ## judge a result of your own: CASE=, HISTORY= a CSV file, MAP= its columns, TIER=
+	$(if $(and $(CASE),$(HISTORY)),,$(error make judge needs a case and a file: make judge CASE=sen_shear HISTORY=mine.csv))
+	@$(BIN)/verify judge $(CASE) --history $(HISTORY) --map "$(MAP)" --tier $(TIER)
 
 # A run that fails is judged too; only bad input (3) or anything unforeseen stops before the verdict.
 verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= quick | standard | paper, JOBS= at a time
@@ -39,10 +57,10 @@ charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); \
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS)
 
-test: .venv/installed ## run the tests
+test: .venv/developed ## run the tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-lint: .venv/installed ## style, types and the import contract
+lint: .venv/developed ## style, types and the import contract
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports

@@ -13,6 +13,7 @@ from cases.errors import BrokenRuleError
 from cases.files import existing_file
 from cases.geometry import Array, Bounds, Shape
 from cases.mesh_files import mesh_outline
+from cases.mesh_groups import cells_of_groups, read_mesh
 from cases.table import Name, Switch, Table, require_one
 from cases.units import Rate, Velocity
 
@@ -23,6 +24,7 @@ class Body(Table):
     """A body of one material: a shape, or a mesh file with coordinates in the units of the case.
 
     mesh : absolute path
+    group : name of the group of the mesh's cells that the body is made of; all of them without
     rigid : keeps its velocity in a dynamic run, whatever it meets
     velocity : at the start of a dynamic run, at the middle of the body's bounding box [length/time]
     velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]] [1/time]
@@ -31,6 +33,7 @@ class Body(Table):
     material: Name
     shape: Shape | None = None
     mesh: Path | None = None
+    group: str | None = None
     rigid: Switch = False
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
     velocity_gradient: tuple[tuple[Rate, Rate], tuple[Rate, Rate]] = ((0.0, 0.0), (0.0, 0.0))
@@ -49,6 +52,13 @@ class Body(Table):
     @model_validator(mode="after")
     def _has_one_geometry(self) -> Body:
         require_one(self, "geometry", ("shape", "mesh"))
+        if self.group is not None and self.mesh is None:
+            raise BrokenRuleError("is of a body without a mesh", "name its mesh", "group", self.group)
+        if self.group is not None and self.mesh is not None:
+            known = cells_of_groups(read_mesh(self.mesh))
+            if self.group not in known:
+                remedy = f"name one of {', '.join(known) or 'none'}"
+                raise BrokenRuleError("is no group of cells of the mesh", remedy, "group", self.group)
         return self
 
     @model_validator(mode="after")
@@ -79,4 +89,4 @@ class Body(Table):
 
     def _mesh_outline(self) -> shapely.geometry.base.BaseGeometry:
         assert self.mesh is not None
-        return mesh_outline(self.mesh)
+        return mesh_outline(self.mesh, self.group)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cases.errors import BrokenRuleError
+from cases.files import existing_file
 from cases.geometry import Box, Circle
+from cases.mesh_groups import boundary_of_group, names_of_groups
 from cases.table import Table, require_one
 from cases.units import Point
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 Edge = Literal["left", "right", "bottom", "top"]
 EDGES: tuple[Edge, ...] = ("left", "right", "bottom", "top")
@@ -20,9 +28,10 @@ _SIDES: dict[str, tuple[int, int]] = {"left": (0, 0), "right": (0, 1), "bottom":
 
 
 class BoundarySet(Table):
-    """Exactly one of: edge, edges (of the bounding box of all bodies), box (filled), point, circle (line), segment.
+    """One of: edge, edges (of the bounding box of all bodies), box (filled), point, circle (line), segment, group.
 
-    A segment is given by its two ends.
+    A segment is given by its two ends, a group by its name in the mesh of a body; mesh : which one, the first that has it
+    without.
     """
 
     edge: Edge | None = None
@@ -31,10 +40,19 @@ class BoundarySet(Table):
     point: Point | None = None
     circle: Circle | None = None
     segment: tuple[Point, Point] | None = None
+    group: str | None = None
+    mesh: Path | None = None
+
+    @field_validator("mesh")
+    @classmethod
+    def _is_a_file(cls, mesh: Path | None, info: ValidationInfo) -> Path | None:
+        return None if mesh is None else existing_file(mesh, info, "a mesh file")
 
     @model_validator(mode="after")
     def _is_one_selection(self) -> BoundarySet:
-        require_one(self, "selection", tuple(BoundarySet.model_fields))
+        require_one(self, "selection", tuple(key for key in BoundarySet.model_fields if key != "mesh"))
+        if self.mesh is not None and self.group is None:
+            raise BrokenRuleError("is the file of a group", "name its group, or remove it", "mesh", self.mesh.name)
         if self.segment and self.segment[0] == self.segment[1]:
             raise BrokenRuleError("has no length", "give two ends, or a 'point'", "segment", list(self.segment))
         return self
@@ -61,10 +79,34 @@ class BoundarySet(Table):
             return np.abs(self.circle.distance(p) - self.circle.radius) <= tolerance
         if self.segment:
             return np.linalg.norm(p - nearest_on_segment(p, self.segment), axis=1) <= tolerance
+        if self.group:
+            return shapely.dwithin(self.geometry(), shapely.points(p), tolerance)
         if self.point:
             return np.hypot(p[:, 0] - self.point[0], p[:, 1] - self.point[1]) <= tolerance
         edges = self.edges or ((self.edge,) if self.edge else ())
         return np.logical_or.reduce([_near_edge(p, edge, tolerance, box) for edge in edges])
+
+
+    def in_meshes(self, meshes: Sequence[Path]) -> BoundarySet:
+        """The set with the mesh of its group filled in: its own, or the first of those of the bodies that has it."""
+        if self.group is None:
+            return self
+        if not meshes and self.mesh is None:
+            raise BrokenRuleError("needs a body with a mesh", "give one, or another selection", "group", self.group)
+        of_group = [mesh for mesh in meshes if self.group in names_of_groups(mesh)]
+        found = self.model_copy(update={"mesh": self.mesh or (of_group or list(meshes))[0]})
+        found.geometry()
+        return found
+
+    def geometry(self) -> BaseGeometry:
+        """Lines, areas or points of the group."""
+        assert self.mesh is not None and self.group is not None
+        return boundary_of_group(self.mesh, self.group)
+
+    def nearest(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Places (n, 2) of the group that are nearest to the points (n, 2)."""
+        lines = shapely.shortest_line(shapely.points(np.asarray(points, dtype=float)), self.geometry())
+        return shapely.get_coordinates(lines)[1::2]
 
 
 def nearest_on_segment(points: ArrayLike, ends: tuple[Point, Point]) -> NDArray[np.float64]:

@@ -50,15 +50,31 @@ class Case(CaseDescription):
         applying = [(number, check) for number, check in enumerate(self.checks) if self.tier in check.tiers]
         return [(number, each) for number, check in applying for each in check.each(specs)]
 
-    def hash(self) -> str:
+    def hash(self, stated: bool = False) -> str:
         """First 16 hexadecimal digits of the SHA-256 of what is computed.
 
         Equal hashes mean equal computations: prose, references, checks and the other runs do not enter, so
-        that results can be judged anew without computing again; mesh files enter with their content.
+        that results can be judged anew without computing again; files enter with their content.
+
+        stated : of what the file says alone, so that a key that comes to the schema with a default does not change it
         """
-        tables = self.model_dump(mode="json", exclude=_NOT_HASHED)
+        tables = self.model_dump(mode="json", exclude=_NOT_HASHED, exclude_defaults=stated)
         for name, body in self.bodies.items():
-            if body.mesh:
-                tables["bodies"][name]["mesh"] = hashlib.sha256(body.mesh.read_bytes()).hexdigest()
-        tables["solver"] = self.run_spec(self.run).solver if self.run else None
+            _enter_mesh(tables["bodies"][name], body.mesh, body.group)
+        for name, boundary in self.boundaries.items():
+            _enter_mesh(tables["boundaries"][name], boundary.mesh, boundary.group)
+            if boundary.mesh is None:
+                tables["boundaries"][name].pop("mesh", None)
+        spec = self.run_spec(self.run) if self.run else None
+        tables["solver"] = spec.solver if spec else None
+        if spec and spec.foreign:
+            tables["foreign"] = spec.foreign.checksum()
         return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _enter_mesh(table: dict[str, Any], mesh: Path | None, group: str | None) -> None:
+    """A mesh by its content, wherever it lies; a group that is not asked for is no part of what is computed."""
+    if mesh is not None:
+        table["mesh"] = hashlib.sha256(mesh.read_bytes()).hexdigest()
+    if group is None:
+        table.pop("group", None)

@@ -21,6 +21,10 @@ class CaseError(UserError):
     """
 
 
+class MeshError(CaseError):
+    """No mesh can be made as the case asks; the message is one sentence that ends with the remedy."""
+
+
 class BrokenRuleError(ValueError):
     """A rule of the schema is broken.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Iterable
@@ -11,11 +12,12 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from cases.errors import BrokenRuleError
 from cases.files import existing_file, read_curve
-from cases.solvers import SolverName
+from cases.mapping import parse_mapping
+from cases.solvers import IMPORTED, SolverName
 from cases.table import Name, Switch, Table
 from cases.units import Number
 
@@ -37,6 +39,20 @@ _LABEL = re.compile(r"[A-Za-z0-9_.+-]+")
 
 
 @dataclass(frozen=True)
+class Foreign:
+    """A result from elsewhere: table of its history, how its columns are mapped, table x,y of its crack path."""
+
+    history: Path
+    map: str = ""
+    crack_path: Path | None = None
+
+    def checksum(self) -> str:
+        """SHA-256 of all three, in hexadecimal digits."""
+        files = [path.read_bytes() for path in (self.history, self.crack_path) if path]
+        return hashlib.sha256(b"\0".join([self.map.encode(), *files])).hexdigest()
+
+
+@dataclass(frozen=True)
 class RunSpec:
     """One run of a case.
 
@@ -49,6 +65,7 @@ class RunSpec:
     change : nested tables merged over the case for this run, sweep values included
     accepts : indicators of the health record that may be beyond their limits, with the reason
     sweep_values : dotted key -> value of this member of the sweep; empty without a sweep
+    foreign : the files of a result from elsewhere
     """
 
     name: str
@@ -58,6 +75,7 @@ class RunSpec:
     change: dict[str, Any] = field(default_factory=dict)
     accepts: dict[str, str] = field(default_factory=dict)
     sweep_values: dict[str, Scalar] = field(default_factory=dict)
+    foreign: Foreign | None = None
 
 
 def _sweep_value(value: Any) -> Any:
@@ -96,6 +114,8 @@ class Run(Table):
     accepts : indicator of the health record that may be beyond its limit in this run -> why
     sweep : dotted key, or "key.0", "key.1" for the entries of an array -> values; expands to one run for each
         combination of values
+    history, map, crack_path : of the solver "imported": CSV file of the history, its columns (`cases.mapping`), and
+        CSV file x,y of the crack path
     """
 
     solver: SolverName
@@ -103,6 +123,31 @@ class Run(Table):
     change: dict[str, Any] = Field(default_factory=dict)
     accepts: dict[Name, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
     sweep: dict[str, Annotated[tuple[SweepValue, ...], Field(min_length=1)]] = Field(default_factory=dict)
+    history: Path | None = None
+    map: str = ""
+    crack_path: Path | None = None
+
+    @field_validator("history", "crack_path")
+    @classmethod
+    def _is_a_file(cls, path: Path | None, info: ValidationInfo) -> Path | None:
+        return None if path is None else existing_file(path, info, "a CSV file")
+
+    @field_validator("map")
+    @classmethod
+    def _is_a_mapping(cls, text: str) -> str:
+        parse_mapping(text)
+        return text
+
+    @model_validator(mode="after")
+    def _is_imported_or_solved(self) -> Run:
+        given = [key for key in ("history", "map", "crack_path") if getattr(self, key)]
+        if self.solver != IMPORTED and given:
+            remedy = f'give solver = "{IMPORTED}", or remove it'
+            raise BrokenRuleError("belongs to a result from elsewhere", remedy, given[0])
+        if self.solver == IMPORTED and (self.history is None or self.sweep or self.change):
+            text = "needs the key history, and no sweep or change"
+            raise BrokenRuleError(text, "name the CSV file of the result", "solver", self.solver)
+        return self
 
     @field_validator("sweep")
     @classmethod
@@ -122,7 +167,8 @@ class Run(Table):
     def members(self, family: str) -> list[RunSpec]:
         """All runs that this table stands for."""
         if family not in self._members:
-            plain = RunSpec(family, self.solver, family, self.expect_failure, self.change, self.accepts)
+            foreign = Foreign(self.history, self.map, self.crack_path) if self.history else None
+            plain = RunSpec(family, self.solver, family, self.expect_failure, self.change, self.accepts, foreign=foreign)
             swept = product(*self.sweep.values())
             self._members[family] = [self._member(family, values) for values in swept] if self.sweep else [plain]
         return self._members[family]

@@ -53,7 +53,7 @@ def load_case(
     CaseError : the case does not exist, or something in it is wrong
     """
     source = _find(name_or_path)
-    return case_from_tables(_read(source), tier, run, name=_name(source), source=source, change=change)
+    return case_from_tables(read_tables(source), tier, run, name=_name(source), source=source, change=change)
 
 
 def case_from_tables(
@@ -187,7 +187,8 @@ def _name(source: Path) -> str:
     return name
 
 
-def _read(source: Path) -> Tables:
+def read_tables(source: Path) -> Tables:
+    """The tables of a case file; CaseError where it cannot be read."""
     try:
         if source.stat().st_size > LARGEST_FILE:
             text = f"is larger than {LARGEST_FILE / 1e6:g} MB"

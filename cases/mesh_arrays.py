@@ -1,4 +1,4 @@
-"""Meshes as plain arrays, the measures taken of them and the error raised about them.
+"""Meshes as plain arrays, and the measures taken of them.
 
 Elements are triangles or convex quadrilaterals with straight edges; the corners of each element are listed
 counter-clockwise.
@@ -11,14 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cases.errors import CaseError
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-
-class MeshError(CaseError):
-    """No mesh can be made as the case asks; the message is one sentence that ends with the remedy."""
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -15,15 +13,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
+from cases.errors import MeshError
 from cases.mesh_arrays import (
     Floats,
     Integers,
     MeshArrays,
-    MeshError,
     corner_jacobians,
     edge_table,
     signed_areas,
 )
+from cases.mesh_groups import only_group, read_mesh
 from cases.notches import SlitNotch
 
 FIRST_ORDER = ("triangle", "quad")
@@ -32,12 +31,10 @@ WITHOUT_AREA = ("vertex", "line", "line3")
 FLATNESS = 1e-6
 # Part of the shortest edge within which two places of a mesh are one.
 SAME_PLACE = 1e-3
-# Abaqus's plane strain elements, which meshio does not know by name.
-PLANE_STRAIN = {f"CPE{n}{kind}": FIRST_ORDER[n - 3] for n in (3, 4) for kind in ("", "R", "H", "I", "RH")}
 
 
-def read_mesh_file(path: Path, body: int = 0) -> MeshArrays:
-    """The first-order triangles or quadrilaterals of a mesh file, all given to the body of that index.
+def read_mesh_file(path: Path, body: int = 0, group: str | None = None) -> MeshArrays:
+    """The first-order triangles or quadrilaterals of a mesh file or a group of it, given to the body of that index.
 
     The z coordinate is dropped, points of no element are removed, and a mesh numbered clockwise throughout is
     turned round. Lines and vertices in the file are passed over. Edges that stand twice are cracks, see `mesh_slits`.
@@ -45,44 +42,53 @@ def read_mesh_file(path: Path, body: int = 0) -> MeshArrays:
     Raises MeshError when the file cannot be read, holds no such elements, mixes them, leaves the x-y plane, has
     inverted or collapsed elements, a node within another element's edge, or parts that only doubled nodes hold together.
     """
-    mesh = _checked(path, path.stat().st_mtime_ns)
+    mesh = _checked(path, group, path.stat().st_mtime_ns)
     return replace(mesh, body=np.full(len(mesh.cells), body))
 
 
-def mesh_outline(path: Path) -> BaseGeometry:
-    """Union of the elements of a mesh file, in the file's own numbers; raises as `read_mesh_file`."""
-    return _outline(path, path.stat().st_mtime_ns)
+def mesh_outline(path: Path, group: str | None = None) -> BaseGeometry:
+    """Union of the elements of a mesh file or a group of it, in the file's own numbers; raises as `read_mesh_file`."""
+    return _outline(path, group, path.stat().st_mtime_ns)
 
 
-def mesh_slits(path: Path) -> tuple[SlitNotch, ...]:
-    """Straight cracks of a mesh file, where the edges of elements on both sides have nodes of their own.
+def mesh_slits(path: Path, groups: tuple[str | None, ...] = (None,)) -> tuple[SlitNotch, ...]:
+    """Straight cracks in groups of a mesh file and between them, where elements on both sides have nodes of their own.
 
-    Each starts at its end that is nearer to the outline.
+    Each starts at its end that is nearer to the outline. What nothing else connects is not parted by a crack.
     """
-    return _slits(path, path.stat().st_mtime_ns)
+    return _slits(path, groups, path.stat().st_mtime_ns)
 
 
-@lru_cache(maxsize=16)
-def _checked(path: Path, modified: int) -> MeshArrays:
-    content = _read(path)
+def _elements(path: Path, group: str | None) -> MeshArrays:
+    content = only_group(path, read_mesh(path), group)
     cells = _plane_cells(path, content)
     points = np.asarray(content.points, dtype=np.float64)
     mesh = MeshArrays(points, cells, np.zeros(len(cells), dtype=np.int64)).without_unused_points()
     points = _plane_points(path, mesh.points)
-    mesh = replace(mesh, points=points, cells=_counter_clockwise(path, points, mesh.cells))
+    return replace(mesh, points=points, cells=_counter_clockwise(path, points, mesh.cells))
+
+
+@lru_cache(maxsize=16)
+def _checked(path: Path, group: str | None, modified: int) -> MeshArrays:
+    mesh = _elements(path, group)
     _check_conforming(path, mesh)
     return mesh
 
 
 @lru_cache(maxsize=16)
-def _outline(path: Path, modified: int) -> BaseGeometry:
-    mesh = _checked(path, modified)
+def _outline(path: Path, group: str | None, modified: int) -> BaseGeometry:
+    mesh = _checked(path, group, modified)
     return shapely.union_all(shapely.polygons(mesh.points[mesh.cells]))
 
 
 @lru_cache(maxsize=16)
-def _slits(path: Path, modified: int) -> tuple[SlitNotch, ...]:
-    mesh = _checked(path, modified)
+def _slits(path: Path, groups: tuple[str | None, ...], modified: int) -> tuple[SlitNotch, ...]:
+    content = read_mesh(path)
+    cells = np.concatenate([_plane_cells(path, only_group(path, content, group)) for group in groups])
+    points = np.asarray(content.points, dtype=np.float64)[:, :2]
+    mesh = MeshArrays(points, cells, np.zeros(len(cells), dtype=np.int64)).without_unused_points()
+    if number_of_parts(mesh.cells) > 1:
+        return ()
     ends, hull = _doubled_edges(mesh), shapely.MultiPoint(mesh.points).convex_hull.exterior
     lines = shapely.line_merge(shapely.union_all(shapely.linestrings(ends)))
     corners = [shapely.get_coordinates(line.simplify(SAME_PLACE * line.length)) for line in shapely.get_parts(lines)]
@@ -141,39 +147,6 @@ def number_of_parts(cells: Integers) -> int:
     graph = coo_array((np.ones(len(first), dtype=bool), (first, other)), shape=(size, size))
     _, label = connected_components(graph, directed=False)
     return len(np.unique(label[cells[:, 0]]))
-
-
-def _read(path: Path):  # type: ignore[no-untyped-def]  # slow to import, and few cases bring a mesh
-    """meshio prints its complaints and leaves the program; both become one sentence here."""
-    import meshio
-    from meshio.abaqus import _abaqus
-
-    if path.suffix.lower() == ".inp":
-        _check_no_instances(path)
-        for name, shape in PLANE_STRAIN.items():
-            _abaqus.abaqus_to_meshio_type.setdefault(name, shape)
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return meshio.read(path)
-    except (Exception, SystemExit) as problem:
-        why = " ".join((str(problem) if str(problem) not in ("", "1") else said.getvalue()).split())[:200]
-        raise MeshError(
-            f"{path}: the mesh cannot be read ({type(problem).__name__}: {why or 'no reason given'}); export it again as"
-            " Gmsh .msh, Abaqus .inp or VTU"
-        ) from problem
-
-
-def _check_no_instances(path: Path) -> None:
-    """meshio reads the nodes of parts as they are, wherever the assembly has put them."""
-    lines = path.read_text(encoding="utf-8", errors="replace").lower().splitlines()
-    starts = [number for number, line in enumerate(lines) if line.lstrip().startswith("*instance")]
-    moved = [n for n in starts if n + 1 < len(lines) and not lines[n + 1].lstrip().startswith("*")]
-    if len(starts) > 1 or moved:
-        raise MeshError(
-            f"{path}: holds instances of parts, whose places cannot be read; write the input file without parts and"
-            " assemblies"
-        )
 
 
 def _plane_cells(path: Path, content) -> Integers:  # type: ignore[no-untyped-def]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from cases.bodies import Body
 from cases.boundaries import EDGES, BoundarySet
 from cases.discretisation import Mesh, Mpm, Staggered
+from cases.errors import BrokenRuleError
 from cases.files import read_curve
 from cases.geometry import SLACK, Array, Bounds, size_of
 from cases.judging import Check, Reference, Run, RunSpec, TierName
@@ -69,8 +71,15 @@ class CaseDescription(Table):
 
     @field_validator("boundaries")
     @classmethod
-    def _with_the_four_edges(cls, boundaries: dict[str, BoundarySet]) -> dict[str, BoundarySet]:
-        return {edge: BoundarySet(edge=edge) for edge in EDGES} | boundaries
+    def _with_the_four_edges(cls, boundaries: dict[str, BoundarySet], info: ValidationInfo) -> dict[str, BoundarySet]:
+        meshes = [body.mesh for body in info.data.get("bodies", {}).values() if body.mesh]
+        found: dict[str, BoundarySet] = {edge: BoundarySet(edge=edge) for edge in EDGES}
+        for name, boundary in boundaries.items():
+            try:
+                found[name] = boundary.in_meshes(meshes)
+            except BrokenRuleError as error:
+                raise BrokenRuleError(error.text, error.remedy, f"{name}.{error.key}", error.value) from None
+        return found
 
     @field_validator("tiers")
     @classmethod
@@ -119,7 +128,11 @@ class CaseDescription(Table):
     @property
     def all_notches(self) -> tuple[Notch, ...]:
         """Notches of the case, and the cracks in the mesh files of its bodies that are not drawn again among them."""
-        in_meshes = [slit for body in self.bodies.values() if body.mesh for slit in mesh_slits(body.mesh)]
+        groups: dict[Path, tuple[str | None, ...]] = {}
+        for body in self.bodies.values():
+            if body.mesh:
+                groups[body.mesh] = (*groups.get(body.mesh, ()), body.group)
+        in_meshes = [slit for mesh, of_mesh in groups.items() for slit in mesh_slits(mesh, of_mesh)]
         return (*self.notches, *(slit for slit in in_meshes if not any(slit.lies_on(n) for n in self.notches)))
 
     @property

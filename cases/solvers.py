@@ -1,21 +1,24 @@
 """The solvers that a run can name: the one list, from which schema, runs, plans, colours and words follow.
 
-A further solver is a package of its own and one more entry here.
+A further solver is a package of its own with an entry point of the group `ENTRY_POINTS` that names a `Solver`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from typing import Annotated
 
 from pydantic import AfterValidator, WithJsonSchema
 
 from cases.errors import BrokenRuleError
 
+ENTRY_POINTS = "fracture_verify.solvers"
+
 
 @dataclass(frozen=True)
 class Solver:
-    """A method that solves cases.
+    """A method that solves cases, or a place that results come from.
 
     Attributes
     ----------
@@ -26,18 +29,23 @@ class Solver:
     quasi_static, dynamic : "module:attribute" of the class that takes a case; imported on use
     describe : "module:attribute" of the function from a case to its ``numerics.description.Description``
     by_points : its state is seen at points that move over a grid, not on a mesh
+    table : in place of these three, "module:attribute" of a function from a case, its run merged in, to a
+        `pandas.DataFrame` with the columns of a history, or to that and a crack path (n, 2) [length]
     """
 
     name: str
     title: str
     shown: str
     line: str
-    quasi_static: str
-    dynamic: str
-    describe: str
+    quasi_static: str = ""
+    dynamic: str = ""
+    describe: str = ""
     by_points: bool = False
+    table: str = ""
 
 
+#: a result from elsewhere, read from a file
+IMPORTED = "imported"
 #: in the order in which they are shown; the first one is the reference
 SOLVERS: dict[str, Solver] = {
     solver.name: solver
@@ -50,8 +58,13 @@ SOLVERS: dict[str, Solver] = {
             "mpm", "PF-MPM", "PF-MPM grid and points", "--",
             "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", by_points=True,
         ),
+        Solver(IMPORTED, "imported", "an imported result", "-.", table="verify.runs.importing:read_foreign"),
     )
 }  # fmt: skip
+#: those that come with this package
+OWN = tuple(SOLVERS)
+for _entry in entry_points(group=ENTRY_POINTS):
+    SOLVERS.setdefault(_entry.name, _entry.load())
 
 
 def _known(name: str) -> str:
@@ -60,4 +73,4 @@ def _known(name: str) -> str:
     return name
 
 
-SolverName = Annotated[str, AfterValidator(_known), WithJsonSchema({"type": "string", "enum": list(SOLVERS)})]
+SolverName = Annotated[str, AfterValidator(_known), WithJsonSchema({"type": "string", "examples": list(OWN)})]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.mesh_arrays import MeshError
+from cases.errors import MeshError
 from numerics.built import Holds
 from physics.exact import MOTIONS
 

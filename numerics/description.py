@@ -86,7 +86,7 @@ def _outline(body: Body) -> BaseGeometry:
     if body.shape:
         return body.shape.outline()
     assert body.mesh is not None
-    return mesh_outline(body.mesh)
+    return mesh_outline(body.mesh, body.group)
 
 
 def estimated_cells(case: Case) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from math import nan
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from physics.elasticity import Law
 from physics.point_response import PointResponse
-from physics.splits import LAWS, Response
+from physics.splits import SPLIT_CODES, Response
 
 
 @njit(cache=True, inline="always")
@@ -39,6 +40,8 @@ def one_of(laws: Mapping[int, Response]) -> Response:
     return chosen
 
 
+#: the laws by their codes
+LAWS = {code: import_module(f"physics.splits.{name}").response for name, code in SPLIT_CODES.items()}
 #: energies, stress and consistent tangent at one point, arguments as in `one_of` and `physics.splits`
 point_response = one_of(LAWS)
 

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from cases import Case
 
+from .broken import BROKEN
 from .elasticity import MaterialTable
-
-#: phase field below which a moving crack has reached a point (Borden et al. 2012)
-BROKEN = 0.25
 
 
 @register_jitable

@@ -13,7 +13,7 @@ from cases import CaseError, load_case
 from verify.metrics.curves import BROKEN_FRACTION, Curve, CurveError, peak_index
 
 from . import style
-from .results import READING_ERRORS, method_of
+from .results import READING_ERRORS, method_of, tells
 from .words import listed, metric_in_words, number
 
 if TYPE_CHECKING:
@@ -175,9 +175,10 @@ def _calm_error_axis(axes: Any, table: pd.DataFrame, peak_u: float) -> str:
 
 
 def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
-    """Draw elastic, fracture, kinetic energy, their sum and the external work of each run."""
-    runs = results.shown_runs()
-    shown = results.main_runs(LARGEST_ENERGY_PANELS) if len(runs) > LARGEST_ENERGY_PANELS else runs
+    """Draw elastic, fracture, kinetic energy, their sum and the external work of each run that tells them."""
+    runs = [run for run in results.shown_runs() if tells(run, "E_el", "E_frac")]
+    many = len(runs) > LARGEST_ENERGY_PANELS
+    shown = [run for run in results.main_runs(LARGEST_ENERGY_PANELS) if run in runs] if many else runs
     if not shown:
         return None
     columns = min(len(shown), 3)

@@ -11,6 +11,7 @@ from verify.metrics.histories import missing_energy
 from verify.metrics.running_cracks import branches_of, rayleigh_speed_of
 
 from . import style
+from .results import tells
 from .words import listed, number
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
     for axes, kind in zip(grid.flat, kinds, strict=False):
         _draw_over_time(axes, runs, colours, {run.name: run.history[kind] for run in runs if kind in run.history})
         axes.set(title=ENERGIES[kind], ylabel=f"[{results.unit('energy')}]")
-    missing = {run.name: 100.0 * _missing_energy(run.history) for run in runs}
+    balanced = [run for run in runs if tells(run, "E_el", "E_frac", "E_kin", "W_ext")]
+    missing = {run.name: 100.0 * _missing_energy(run.history) for run in balanced}
     balance = grid.flat[len(kinds)]
     _draw_over_time(balance, runs, colours, missing)
     balance.axhline(0.0, color=style.GREY, linewidth=0.8)
@@ -61,7 +63,7 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
         axes.set_xlabel(_time_label(results))
         axes.tick_params(labelbottom=True)
     style.legend_below(figure, [grid.flat[0]])
-    said = listed(f"{number(np.abs(missing[run.name]).max(), 2)} % ({run.name})" for run in runs)
+    said = listed(f"{number(np.abs(missing[run.name]).max(), 2)} % ({run.name})" for run in balanced)
     return style.drawing(
         figure, folder, "energies", "Energies over time",
         "Energies of the whole body or of all bodies. The balance is elastic + fracture + kinetic energy, less what "
@@ -146,7 +148,7 @@ def _branching_in_words(results: CaseResults, found: dict[str, Any]) -> str:
 
 def momentum(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the momentum of each body and of all, in x and y, for cases of several bodies."""
-    runs = results.main_runs()
+    runs = [run for run in results.main_runs() if tells(run, "momentum_x", "momentum_y")]
     if results.case is None or len(results.case.bodies) < 2 or not runs:
         return None
     names = list(results.case.bodies)

@@ -38,7 +38,7 @@ def cells_in(window: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 def body_polygons(body: Any) -> list[shapely.Polygon]:
     """Return the polygons that a body covers, holes included as interior rings."""
-    outline = body.shape.outline() if body.shape else mesh_outline(body.mesh)
+    outline = body.shape.outline() if body.shape else mesh_outline(body.mesh, body.group)
     return [part for part in getattr(outline, "geoms", [outline]) if isinstance(part, shapely.Polygon)]
 
 

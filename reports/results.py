@@ -164,6 +164,11 @@ class RunResults:
         )
 
 
+def tells(run: RunResults, *columns: str) -> bool:
+    """Whether a run's history has values of these columns, which a result from elsewhere need not have."""
+    return all(name in run.history and run.history[name].notna().any() for name in columns)
+
+
 class CaseResults:
     """One case of ``summary.json`` with its runs and, where it can still be read, its description."""
 

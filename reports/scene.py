@@ -96,6 +96,8 @@ def place_in_words(case: Case, boundary: str) -> str:
         return f"circle around {_pair(chosen.circle.centre)}, radius {number(chosen.circle.radius)} {unit}"
     if chosen.segment:
         return f"segment from {_pair(chosen.segment[0])} to {_pair(chosen.segment[1])} {unit}"
+    if chosen.group:
+        return f"group {chosen.group} of {chosen.mesh.name if chosen.mesh else 'a mesh'}"
     return f"{listed(chosen.edges or [str(chosen.edge)])} of the bounding box"
 
 
@@ -184,6 +186,8 @@ def _middle_of(case: Case, boundary: str) -> np.ndarray:
         return (np.asarray(chosen.box.lower) + np.asarray(chosen.box.upper)) / 2
     if chosen.segment:
         return np.mean(chosen.segment, axis=0)
+    if chosen.group:
+        return np.ravel(chosen.geometry().centroid.coords[0])
     return np.asarray(chosen.circle.centre if chosen.circle else chosen.point, dtype=float)
 
 
@@ -465,7 +469,7 @@ def scene(results: CaseResults, folder: Path) -> style.Drawing | None:
     case = results.case
     if case is None:
         return None
-    solvers = list(dict.fromkeys(run.method.name for run in results.shown_runs())) or list(SOLVERS)[:1]
+    solvers = list(dict.fromkeys(run.method.name for run in results.shown_runs() if run.stored.size)) or list(SOLVERS)[:1]
     figure, main, close_ups = _arrange(case, len(solvers))
     window, unit = close_up_window(case), case.units.label("length")
     _draw_main(main, case, window)

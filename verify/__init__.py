@@ -8,17 +8,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cases import load_case
     from verify.judging.summary import compare
     from verify.runs.run_folder import RunFolder, RunFolderError
     from verify.runs.running import run
 
-__all__ = ["RunFolder", "RunFolderError", "compare", "load_case", "run"]
+    judge: Callable[..., Any]
+
+__all__ = ["RunFolder", "RunFolderError", "compare", "judge", "load_case", "run"]
 
 _HOMES = {
     "RunFolder": "verify.runs.run_folder",
     "RunFolderError": "verify.runs.run_folder",
     "compare": "verify.judging.summary",
+    "judge": "reports.judging",  # the page is drawn, which no other part of this package does
     "load_case": "cases",
     "run": "verify.runs.running",
 }

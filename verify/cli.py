@@ -20,7 +20,9 @@ from rich.text import Text
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
 from cases.judging import TIERS
 from cases.loader import LIBRARY
+from cases.solvers import SOLVERS
 from numerics.status import RunStatus
+from verify.extras import missing_extra
 from verify.judging.acceptance import accept
 from verify.judging.judge import checks_of, find_runs
 from verify.judging.summary import exit_code, summarise, write_summary
@@ -123,16 +125,29 @@ def main_options(
 
 
 @app.command("list")
-def list_command() -> None:
-    """List the cases of the library with their runs.
+def list_command(
+    solvers: Annotated[bool, typer.Option("--solvers", help="the solvers that runs can name")] = False,
+) -> None:
+    """List the cases of the library with their runs, or the solvers.
 
-    Example: `verify list`
+    Examples: `verify list` · `verify list --solvers`
     """
     console, table = _console(), Table("case", "section", "title", "runs")
+    if solvers:
+        console.print(_solver_table())
+        return
     for name in list_cases():
         case = load_case(name)
         table.add_row(name, case.section, case.title, ", ".join(case.runs))
     console.print(table)
+
+
+def _solver_table() -> Table:
+    table = Table("solver", "title", "from", "gives")
+    for name, solver in SOLVERS.items():
+        home = (solver.table or solver.quasi_static or solver.dynamic).partition(":")[0]
+        table.add_row(name, solver.title, home, "a table" if solver.table else "fields")
+    return table
 
 
 @app.command()
@@ -175,6 +190,9 @@ def plan(
     base, console = load_case(case, tier), _console()
     _refuse([load_case(case, tier, name) for name in selected_runs(base, run_names)])
     for name in selected_runs(base, run_names):
+        if SOLVERS[base.run_spec(name).solver].table:
+            console.print(f"{base.name}, run {name}: comes as a table, so that there is nothing to plan")
+            continue
         planned = make_plan(load_case(case, tier, name), name, accuracy)
         table = Table("what", "value", title=planned.title, title_justify="left")
         for row in planned.rows():
@@ -329,6 +347,44 @@ def _verdict_table(summary: dict[str, Any]) -> Table:
 
 
 @app.command()
+def judge(
+    case: CaseArgument,
+    history: Annotated[Path, typer.Option("--history", metavar="FILE", help="CSV file of force over displacement")],
+    columns: Annotated[str, typer.Option("--map", help="columns, units and signs: 'u = U2, F = -2 * RF2 [N]'")] = "",
+    crack_path: Annotated[
+        Path | None, typer.Option("--crack-path", metavar="FILE", help="CSV file x,y from the crack's start to its tip")
+    ] = None,
+    tier: TierOption = "standard",
+    name: Annotated[str, typer.Option("--name", help="what the result is called; its file's name without")] = "",
+    within: Annotated[
+        float | None,
+        typer.Option("--within", parser=_share, metavar="SHARE", help="replaces the case's relative limits, such as 5%"),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", parser=_folder, metavar="FOLDER", help="reports/out/judged/CASE without")
+    ] = None,
+) -> None:
+    """Judge a result from elsewhere against the kept results of both solvers, published and exact ones. Solves nothing.
+
+    Columns named u and F are found by themselves, with their units in names such as F_kN. A word in the map says what the
+    forces are of: `half model`, `per thickness`; `damage`, or a column d, stands for c = 1 - d.
+
+    Examples: `verify judge sen_shear --history mine.csv` ·
+    `verify judge l_panel --history abaqus.csv --map "u = U2, F = -2 * RF2 [N]" --within 5%`
+    """
+    from reports import judge as judge_and_draw
+
+    judged = judge_and_draw(case, history, columns, crack_path, tier=tier, name=name, within=within, out=out)
+    console, summary = _console(), {"tier": tier, "cases": [judged.entry]}
+    _print_problems(console, summary)
+    for sentence in judged.remarks:
+        console.print(sentence)
+    console.print(_verdict_table(summary))
+    console.print(f"Page: {judged.page}")
+    raise typer.Exit(exit_code(summary))
+
+
+@app.command()
 def report(
     out: OutOption = DEFAULT_OUT,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="pages made at the same time")] = 1,
@@ -363,6 +419,53 @@ def accept_command(
     for row in rows:
         table.add_row(row.run, row.metric, row.parameters, f"{row.value:.8g}", row.unit)
     _console().print(table)
+
+
+@app.command()
+def archive(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="zip file; CASE-TIER.zip without")] = None,
+    fields: Annotated[bool, typer.Option("--fields", help="with the fields of all runs")] = False,
+    licence: Annotated[str, typer.Option("--licence", help="SPDX name of its licence, such as CC-BY-4.0")] = "",
+) -> None:
+    """Put a case, its finished runs and their verdict into one zip file, ready for a repository with DOIs.
+
+    Fields are left out where no check needs them. `verify import` reads it back on another machine.
+
+    Examples: `verify archive sen_tension` · `verify archive my_case.toml --fields --licence CC-BY-4.0`
+    """
+    from verify.judging.archive import write_archive
+
+    loaded = load_case(case, tier)
+    file = to or Path(f"{loaded.name}-{tier}.zip")
+    with_fields = write_archive(loaded, out, file, fields, licence)
+    console = _console()
+    if with_fields:
+        console.print(f"With the fields of {', '.join(with_fields)}")
+    console.print(f"Archive: {file} ({file.stat().st_size / 1e6:.1f} MB)")
+
+
+@app.command("import")
+def import_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="zip file that `verify archive` wrote")],
+    out: OutOption = DEFAULT_OUT,
+) -> None:
+    """Read an archive back and judge it here. Computes nothing.
+
+    Example: `verify import sen_tension-standard.zip --out elsewhere`
+    """
+    from verify.judging.archive import read_archive
+
+    found, console = read_archive(file, out), _console()
+    (entry,) = found.summary["cases"]
+    _print_problems(console, found.summary)
+    console.print(_verdict_table(found.summary))
+    if entry["verdict"] != found.verdict:
+        console.print(f"It was archived with the verdict {found.verdict} by version {found.summary['version']}.")
+    console.print(f"Case: {out / 'cases' / entry['case']}; `verify report --out {out}` draws its page")
+    raise typer.Exit(exit_code(found.summary))
 
 
 # -------------------------------------------------------------------------------------------------- studies
@@ -522,6 +625,9 @@ def _exit_code(arguments: list[str] | None) -> int:
         return _say("Stopped.", RUN_FAILED)
     except typer.TyperException as error:
         return _say(error.format_message(), BAD_INPUT)
+    except ModuleNotFoundError as error:
+        missing = missing_extra(error)
+        return _say(str(missing), BAD_INPUT) if missing else _internal(error, arguments)
     except BrokenPipeError:  # whoever reads the output has had enough
         sys.stderr.close()
         return 0

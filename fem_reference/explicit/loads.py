@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.errors import MeshError
 from cases.loading import Traction
-from cases.mesh_arrays import MeshError
 from fem_reference.element_basis import ElementBasis
 
 

@@ -11,12 +11,12 @@ from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from cases import Case
+from cases.errors import MeshError
 from cases.geometry import Box, Shape
 from cases.mesh_arrays import (
     Floats,
     Integers,
     MeshArrays,
-    MeshError,
     edge_lengths,
     joined,
     signed_areas,
@@ -122,7 +122,7 @@ def _opened_mesh(case: Case) -> MeshArrays:
     slits, remedy = _slits(case), REMEDY_QUADS if uses_quads(case) else REMEDY_TRIANGLES
     shapes = {index: body.shape for index, body in enumerate(case.bodies.values()) if body.shape}
     parts = [
-        _without_notches(case, read_mesh_file(body.mesh, index))
+        _without_notches(case, read_mesh_file(body.mesh, index, body.group))
         for index, body in enumerate(case.bodies.values())
         if body.mesh
     ]
@@ -145,8 +145,8 @@ def _opened_mesh(case: Case) -> MeshArrays:
 
 def _slits(case: Case) -> dict[str, Segment]:
     """Notches of kind "slit" by their keys in the file, less those that a mesh file has open already."""
-    slits = {f"notches[{n}]": notch for n, notch in enumerate(case.notches) if isinstance(notch, SlitNotch)}
-    is_open = [slit for body in case.bodies.values() if body.mesh for slit in mesh_slits(body.mesh)]
+    slits = {f"notches[{n}]": notch for n, notch in enumerate(case.all_notches) if isinstance(notch, SlitNotch)}
+    is_open = [slit for body in case.bodies.values() if body.mesh for slit in mesh_slits(body.mesh, (body.group,))]
     return {key: slit for key, slit in slits.items() if not any(slit.lies_on(other) for other in is_open)}
 
 

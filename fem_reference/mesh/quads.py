@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cases import Case
-from cases.mesh_arrays import Floats, MeshArrays, MeshError
+from cases.errors import MeshError
+from cases.mesh_arrays import Floats, MeshArrays
 from cases.spacing import SAME_LINE, grid_lines
 
 # Part of h by which the mesh of a rectangle may miss its sides: both of two lines may have been drawn to one between.

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cases.errors import MeshError
 from cases.mesh_arrays import (
     EdgeTable,
     Integers,
     MeshArrays,
-    MeshError,
     cross,
     edge_lengths,
     edge_table,

@@ -17,8 +17,9 @@ import shapely
 from netgen.geom2d import SplineGeometry
 from shapely.geometry.base import BaseGeometry
 
+from cases.errors import MeshError
 from cases.geometry import Circle, Shape
-from cases.mesh_arrays import Floats, Integers, MeshArrays, MeshError, signed_areas
+from cases.mesh_arrays import Floats, Integers, MeshArrays, signed_areas
 from cases.notches import CellsNotch, Segment
 
 # Netgen takes a size as a wish: inside a region of one wanted size, edges come out up to 1.2 times as long.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.mesh_arrays import MeshError
+from cases.errors import MeshError
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
 from fem_reference.quasi_static import displacement_kernels as kernels

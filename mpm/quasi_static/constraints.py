@@ -120,7 +120,9 @@ class PointsOn:
         if self._at_edges and boundary.circle:
             return self._on_circle(boundary.circle)
         if self._at_edges and boundary.segment:
-            return self._on_segment(boundary.segment)
+            return self._on_lines(nearest_on_segment(self._cloud.positions, boundary.segment))
+        if self._at_edges and boundary.group:
+            return self._on_lines(boundary.nearest(self._cloud.positions))
         reach = 0.0 if boundary.box else 1.5 * REACH * np.sqrt(self._cloud.size.prod(axis=1))
         chosen = np.flatnonzero(boundary.select(self._cloud.positions, reach, self._box))  # type: ignore[arg-type]
         return chosen, np.zeros((len(chosen), 2))
@@ -169,10 +171,10 @@ class PointsOn:
         places = np.flatnonzero(np.abs(distance - circle.radius) <= reach)
         return places, outward[places] * (circle.radius / distance[places] - 1.0)[:, None]
 
-    def _on_segment(self, ends: tuple[Pair, Pair]) -> tuple[NDArray, NDArray]:
-        """Points whose rectangles reach the segment, held at the nearest place on it."""
+    def _on_lines(self, nearest: NDArray) -> tuple[NDArray, NDArray]:
+        """Points whose rectangles reach lines, held at the nearest places (n, 2) on them."""
         cloud = self._cloud
-        offset = nearest_on_segment(cloud.positions, ends) - cloud.positions
+        offset = nearest - cloud.positions
         places = np.flatnonzero((np.abs(offset) <= REACH * cloud.size).all(axis=1))
         return places, offset[places]
 

@@ -1,9 +1,14 @@
-"""Values of finished runs become the baseline of a case and tier, with the version of the code that made them."""
+"""Values of finished runs become the baseline of a case and tier, with the version of the code that made them.
+
+The histories and crack paths of its main runs are kept beside it, against which results from elsewhere are judged.
+"""
 
 import math
 from collections.abc import Iterable
 from datetime import date
 from pathlib import Path
+
+import numpy as np
 
 from cases import Case, Check
 from verify.judging.baseline import BaselineRow, parameters_text, read_baseline, write_baseline
@@ -11,6 +16,7 @@ from verify.judging.judge import Judge, UnavailableError, checks_of, find_runs
 from verify.judging.targets import JudgeError, members_of
 from verify.metrics.curves import CurveError
 from verify.metrics.registry import metric_unit
+from verify.runs.kept import keep, main_runs, read_kept
 from verify.runs.run_folder import RunFolder, RunFolderError
 
 #: end of the version of code that is not committed
@@ -33,24 +39,44 @@ def _version_of(runs: Iterable[RunFolder]) -> str:
 
 
 def accept(case: Case, reason: str, out: Path) -> list[BaselineRow]:
-    """Make the values of the finished runs the baseline of this tier; the other tiers' rows stay.
+    """Make the values of the finished runs the baseline of this tier and keep its main runs; other tiers' rows stay.
 
     Raises
     ------
-    JudgeError : no reason, no check against the baseline, or a run that is not there, did not end well or was made by
-        code that is not committed.
+    JudgeError : no reason, nothing to accept or keep, or a run that is not there, did not end well or was made by code
+        that is not committed.
     """
     reason = " ".join(reason.split())
     if not reason:
         raise JudgeError('A baseline changes only with a reason: give --reason "why the new values are right".')
     checks = [check for check in checks_of(case) if check.against == "baseline"]
-    if not checks:
-        raise JudgeError(f"{case.source}: no check of tier {case.tier!r} is against the baseline; nothing to accept.")
+    if not checks and not main_runs(case):
+        said = f"no check of tier {case.tier!r} is against the baseline and every run is one of a sweep"
+        raise JudgeError(f"{case.source}: {said}; nothing to accept.")
     judge = Judge(case, find_runs(case, out))
     rows = {row.key: row for row in (_accepted(case, check, judge, reason) for check in checks)}
-    kept = [row for row in read_baseline(case) if row.tier != case.tier]
-    write_baseline(case, [*kept, *rows.values()])
+    keep_main_runs(case, judge)
+    if rows:
+        kept = [row for row in read_baseline(case) if row.tier != case.tier]
+        write_baseline(case, [*kept, *rows.values()])
     return list(rows.values())
+
+
+def keep_main_runs(case: Case, judge: Judge) -> None:
+    """Keep the main runs that are there beside the case; what is then read from there must give the same peak.
+
+    Raises JudgeError for a run that was made by code that is not committed.
+    """
+    for name in main_runs(case):
+        found = judge.runs[name].run
+        if found is None:
+            continue
+        _version_of([found])
+        file, kept = keep(case, found), read_kept(case, name)
+        assert kept is not None
+        full, fewer = (np.abs(history["F"].to_numpy()).max() for history in (found.history, kept.history))
+        if not math.isclose(full, fewer, rel_tol=1e-5, abs_tol=1e-12):
+            raise JudgeError(f"{file}: has the largest force {fewer:g} in place of {full:g}; it is not to be used.")
 
 
 def _accepted(case: Case, check: Check, judge: Judge, reason: str) -> BaselineRow:

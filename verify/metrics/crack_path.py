@@ -15,11 +15,9 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 from scipy.interpolate import LinearNDInterpolator
-from scipy.signal import savgol_filter
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import QhullError, cKDTree
-from skimage.morphology import skeletonize
 
 if TYPE_CHECKING:
     from cases import Case
@@ -280,6 +278,8 @@ class _Skeleton:
     """
 
     def __init__(self, mask: Mask, raster: _Raster) -> None:
+        from skimage.morphology import skeletonize  # only fields need it, and it is slow to import
+
         skeleton = skeletonize(np.pad(mask, 1))[1:-1, 1:-1]
         pixels = np.argwhere(skeleton)
         self.nodes = raster.positions(pixels)
@@ -455,6 +455,8 @@ def _normals(line: Array, vertices: float) -> Array:
 
 
 def _smooth(line: Array) -> Array:
+    from scipy.signal import savgol_filter  # a second to import, and only fields need it
+
     return savgol_filter(line, 7, 2, axis=0) if len(line) >= 7 else line
 
 

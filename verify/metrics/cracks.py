@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cases.solvers import IMPORTED
 from physics.surface_energy import SurfaceEnergy
 from verify.metrics import crack_path as paths
 from verify.metrics.curves import Array
 from verify.metrics.energy_release import energy_release_rate as release_rate
-from verify.metrics.metric import LINE, MetricError, metric, run_name
+from verify.metrics.metric import LINE, MetricError, NotGivenError, metric, run_name
 
 if TYPE_CHECKING:
     from cases import Case
@@ -21,9 +22,16 @@ if TYPE_CHECKING:
 
 def _crack(run: RunData) -> Array:
     path = np.asarray(run.crack_path, dtype=float)
+    _require_path_given(run)
     if len(path) < 2:
         raise MetricError(f"{run_name(run)}: has no crack path, nothing broke; load it further")
     return path
+
+
+def _require_path_given(run: RunData) -> None:
+    """No path means that nothing broke, but of a result from elsewhere that none came with it."""
+    if run.info.get("solver") == IMPORTED and not len(run.crack_path):
+        raise NotGivenError(f"{run_name(run)}: came without a crack path; give one as a CSV file with the columns x,y")
 
 
 # --- shape ----------------------------------------------------------------------------------------
@@ -32,6 +40,7 @@ def _crack(run: RunData) -> Array:
 @metric("length", "length of the crack path")
 def crack_length(run: RunData) -> float:
     """Length of the crack path, 0 where nothing broke."""
+    _require_path_given(run)
     return paths.path_length(np.asarray(run.crack_path, dtype=float).reshape(-1, 2))
 
 
@@ -91,7 +100,7 @@ def energy_release_rate(
     """
     snapshots = list(run.snapshots())
     if not snapshots:
-        raise MetricError(f"{run_name(run)}: has no snapshots; name some in output.snapshots")
+        raise NotGivenError(f"{run_name(run)}: has no snapshots; name some in output.snapshots")
     last = snapshots[-math.ceil(share * len(snapshots)) :]
     return float(np.mean([_release_rate(points, run.case, inner, outer, tip, direction) for _, _, points in last]))
 

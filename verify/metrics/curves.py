@@ -89,7 +89,7 @@ class Curve:
     @property
     def direction(self) -> float:
         """+1 where u grows, -1 where it falls (over the whole curve; of the first branch when cyclic)."""
-        step = self.u[_first_branch_end(self)] - self.u[0]
+        step = self.u[first_branch_end(self)] - self.u[0]
         return 1.0 if step >= 0 else -1.0
 
     def until(self, u_max: float) -> Curve:
@@ -179,7 +179,7 @@ def initial_stiffness(curve: Curve) -> float:
     The first loading branch is sampled evenly over that tenth (linearly between its points), so that uneven
     or large increments do not change what is fitted.
     """
-    end = max(1, min(peak_index(curve), _first_branch_end(curve)))
+    end = max(1, min(peak_index(curve), first_branch_end(curve)))
     along = curve.direction * _levelled(curve)[: end + 1]
     u = np.linspace(along[0], along[0] + STIFFNESS_SHARE * (along[-1] - along[0]), 21)
     F = np.interp(u, along, curve.F[: end + 1])
@@ -212,7 +212,7 @@ def path_coordinate(curve: Curve) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(curve.u)))])
 
 
-def _first_branch_end(curve: Curve) -> int:
+def first_branch_end(curve: Curve) -> int:
     """Index of the last point before u first turns back by more than noise."""
     return _branch_end(curve.u, REVERSAL_TOLERANCE * float(np.ptp(curve.u)))
 

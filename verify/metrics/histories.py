@@ -74,7 +74,7 @@ def fracture_energy(run: RunData) -> float:
 @metric("energy", "fracture energy since a time")
 def fracture_energy_gain(run: RunData, *, after: float = 0.0, until: float = np.inf) -> float:
     """Fracture energy that came between two times, without that of notches of broken material."""
-    time, energy = run.history["time"].to_numpy(float), run.history["E_frac"].to_numpy(float)
+    time, energy = history_column(run, "time"), history_column(run, "E_frac")
     first, last = np.interp([after, min(until, time[-1])], time, energy)
     return float(last - first)
 
@@ -89,8 +89,8 @@ def energy_balance(run: RunData, *, at: str = "peak") -> float:
     if at not in ("peak", "end"):
         raise MetricError(f"metric energy_balance: at = {at!r} is not known; give 'peak' or 'end'")
     row = curves.peak_index(curve_of(run)) if at == "peak" else -1
-    work = history_column(run, "W_ext")
-    scale = max(abs(work[row] - work[0]), history_column(run, "E_el")[0] + history_column(run, "E_kin")[0])
+    work, elastic, kinetic, _ = (history_column(run, name) for name in ("W_ext", "E_el", "E_kin", "E_frac"))
+    scale = max(abs(work[row] - work[0]), elastic[0] + kinetic[0])
     return abs(missing_energy(run.history)[row]) / scale if scale else float("nan")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from verify.metrics.metric import REGISTERED, MetricError, metric, run_name
+from verify.metrics.metric import REGISTERED, MetricError, NotGivenError, metric, run_name
 
 if TYPE_CHECKING:
     from cases import Case
@@ -21,7 +21,7 @@ def measure(run: RunData, *, name: str) -> float:
     value = run.info.get("measures", {}).get(name)
     if value is None:
         known = ", ".join(run.info.get("measures", {})) or "none"
-        raise MetricError(f"{run_name(run)}: has no measure {name}; it has {known}")
+        raise NotGivenError(f"{run_name(run)}: has no measure {name}; it has {known}")
     return float(value)
 
 

@@ -31,6 +31,10 @@ class NothingToCompareError(MetricError):
     """A value and its target are both zero, of which no relative error can be taken."""
 
 
+class NotGivenError(MetricError):
+    """A run does not hold what a metric is taken from: a result from elsewhere need not have everything."""
+
+
 class RunData(Protocol):
     """What the metrics need of a finished run: its history, crack path, snapshots, case and run.json."""
 
@@ -138,8 +142,8 @@ def run_name(run: RunData) -> str:
 
 
 def history_column(run: RunData, name: str) -> np.ndarray:
-    """A column (n,) of the run's history; MetricError where it has none or no row."""
-    if name not in run.history or len(run.history) == 0:
-        known = ", ".join(run.history.columns)
-        raise MetricError(f"{run_name(run)}: its history has no values of {name}; it has {known}")
+    """A column (n,) of the run's history; NotGivenError where it has none or no number in it."""
+    if name not in run.history or run.history[name].isna().all():
+        known = ", ".join(str(column) for column in run.history if run.history[column].notna().any())
+        raise NotGivenError(f"{run_name(run)}: its history has no values of {name}; it has {known or 'no rows'}")
     return run.history[name].to_numpy(dtype=float)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.exact_motion import bar_period, contact_half_width, pressure_wave_speed
-from verify.metrics.metric import MetricError, history_column, metric, run_name
+from verify.metrics.metric import MetricError, NotGivenError, history_column, metric, run_name
 
 if TYPE_CHECKING:
     from verify.metrics.metric import RunData
@@ -117,5 +117,7 @@ def contact_impulse(run: RunData, *, body: str) -> float:
 def contact_violations(run: RunData) -> float:
     """Share of the nodes in contact at which one of the conditions C.2 to C.4 of Algorithm 3 did not hold."""
     counters = run.info.get("counters", {})
+    if not counters:
+        raise NotGivenError(f"{run_name(run)}: does not tell at how many nodes contact acted")
     broken = sum(counters.get(f"contact_C{number}", 0) for number in (2, 3, 4))
     return broken / max(1, counters.get("contact_nodes", 0))

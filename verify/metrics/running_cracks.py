@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from physics.phase_field import BROKEN
+from physics.broken import BROKEN
 from physics.waves import rayleigh_speed
 from verify.metrics import crack_front
 from verify.metrics.crack_front import Branch

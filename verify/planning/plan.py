@@ -7,6 +7,7 @@ from typing import Any
 from cases import Case, load_case
 from cases.bodies import Body
 from cases.judging import merge
+from cases.solvers import SOLVERS
 from cases.spacing import count_cells
 from numerics.description import Description, describe
 from verify.planning.calibration import Cost, Demand, demand_of, predict
@@ -119,6 +120,8 @@ def planned_job(job: Job, accuracy: float | None) -> tuple[Job, list[str]]:
     Raises TooLargeError where this machine has too little memory.
     """
     case = job.case()
+    if SOLVERS[case.run_spec(job.run).solver].table:
+        return job, []
     if accuracy is not None:
         choice = plan(case, job.run, accuracy).choice
         return replace(job, change=choice.change), choice.sentences()

@@ -18,7 +18,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "pypardiso", "mkl", "panda
 SOLVING = ("cases", "physics", "numerics", "fem_reference", "mpm")
 SOLVING_MODULES = (
     "verify/runs/running.py", "verify/runs/run_writer.py", "verify/runs/checkpoint.py", "verify/runs/listeners.py",
-    "verify/runs/frames.py", "verify/runs/vtk_files.py", "verify/metrics/crack_path.py",
+    "verify/runs/frames.py", "verify/runs/vtk_files.py", "verify/runs/importing.py", "verify/metrics/crack_path.py",
 )  # fmt: skip
 
 

@@ -27,6 +27,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from cases.errors import UserError
 from numerics.status import FINISHED_STATUSES, RunStatus
+from verify.metrics.metric import NotGivenError
 from verify.runs.atomic import restore_folder
 from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
 
@@ -241,6 +242,8 @@ class RunFolder:
         return mesh.copy()
 
     def _nearest(self, u: float | None) -> pd.Series:
+        if self.index.empty and self.info["increments"]:
+            raise NotGivenError(f"run {self.info['run']}: has no fields, a history and a crack path are all there is")
         if self.index.empty:
             raise self._damaged("fields/index.csv", "lists no snapshot")
         row = len(self.index) - 1 if u is None else int((self.index["u"] - u).abs().argmin())

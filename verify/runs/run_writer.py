@@ -5,10 +5,11 @@ import itertools
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -144,15 +145,18 @@ class RunWriter(Listener):
         if not record.is_good:
             return
         before = self._last.u if self._last else record.u
-        row = record.row()
+        self.append(record.row())
+        self._last = record
+        if self._snapshot_due(before, record.u):
+            self._write_snapshot(discretisation.fields())
+
+    def append(self, row: Mapping[str, float]) -> None:
+        """Append a row to the history, below its columns' names."""
         with writing(self.partial / "history.csv"):
             if not self._rows:
                 self._write_row(row)
             self._write_row(row.values())
-        self._last = record
         self._rows += 1
-        if self._snapshot_due(before, record.u):
-            self._write_snapshot(discretisation.fields())
 
     def _snapshot_due(self, before: float, now: float) -> bool:
         """True at the first record that reaches or passes a wanted load parameter."""
@@ -174,14 +178,12 @@ class RunWriter(Listener):
         self._write_indices()
 
     def _write_indices(self) -> None:
-        from verify.runs.vtk_files import pvd_text
-
         table = pd.DataFrame(self._index, columns=list(INDEX_COLUMNS))
         write_table(self.partial / "fields" / "index.csv", table)
         # ParaView wants times that grow, which displacements of a cyclic load do not.
         times = table["u"] if table["u"].is_monotonic_increasing and table["u"].is_unique else table["step"]
         for name in ("points", "grid"):
-            text = pvd_text([float(value) for value in times], table[f"{name}_file"].tolist())
+            text = _pvd_text([float(value) for value in times], table[f"{name}_file"].tolist())
             write_text(self.partial / f"{name}.pvd", text)
 
     def flush_to_disk(self) -> None:
@@ -240,6 +242,28 @@ class RunWriter(Listener):
         files = ["history.csv", "crack_path.csv", "fields/index.csv"]
         files += [file for row in self._index for file in row[3:]]
         return {file: file_checksum(self.partial / file) for file in files}
+
+
+def write_run(folder: Path, history: pd.DataFrame, crack_path: np.ndarray, info: dict[str, Any]) -> None:
+    """Write the folder of a run of which a table of its history and a crack path (n, 2) are all there is.
+
+    info : contents of run.json, as in `RunWriter.close`
+    """
+    with RunWriter(folder) as files:
+        files.start(None, "")
+        for row in history.to_dict("records"):
+            files.append({str(name): value for name, value in row.items()})
+        files.close(info, crack_path)
+
+
+def _pvd_text(times: list[float], files: list[str]) -> str:
+    """A ParaView collection: one data set for each of ``files``, at ``times``."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(root, "Collection")
+    for time, file in zip(times, files, strict=True):
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), part="0", file=file)
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def _rows_until(folder: Path, step: int) -> tuple[list[str], list[float]]:

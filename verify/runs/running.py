@@ -12,19 +12,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from cases import Case, CaseError, load_case
 from cases.errors import UserError
 from cases.solvers import SOLVERS, Solver
 from numerics.costs import Costs
 from numerics.status import RunStatus
+from verify.extras import missing_extra
 from verify.runs.atomic import WriteError
 from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError, CheckpointWriter
 from verify.runs.frames import FrameWriter
+from verify.runs.importing import history_of
 from verify.runs.listeners import Listener, ObservedDiscretisation, StoppedError
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder, require_own_folder
-from verify.runs.run_writer import RunWriter
+from verify.runs.run_writer import RunWriter, write_run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,7 +59,7 @@ def _builder(solver: Solver) -> Callable[[Case], ObservedDiscretisation]:
 
 
 #: name of a solver -> what makes its discretisation of a case
-DISCRETISATIONS = {name: _builder(solver) for name, solver in SOLVERS.items()}
+DISCRETISATIONS = {name: _builder(solver) for name, solver in SOLVERS.items() if not solver.table}
 
 
 def solver_records(discretisation: Any, case: Case, after: Any = None) -> "Iterator[Record]":
@@ -134,7 +137,32 @@ def run(
     folder = case_folder(Path(out), merged, run_name)
     finished = None if force else up_to_date(merged, folder)
     require_own_folder(folder, merged)
-    return finished or _compute(merged, run_name, folder, listeners, threads, resume)
+    if finished:
+        return finished
+    if SOLVERS[merged.run_spec(run_name).solver].table:
+        return tabulate(merged, run_name, folder)
+    return _compute(merged, run_name, folder, listeners, threads, resume)
+
+
+def tabulate(case: Case, run_name: str, folder: Path) -> RunFolder:
+    """The run folder of a solver that gives a table, or of a result from elsewhere; a failure is recorded as ours are.
+
+    Raises UserError for a table that cannot be used.
+    """
+    module, _, name = SOLVERS[case.run_spec(run_name).solver].table.partition(":")
+    info, table, path = _Attempt(case, run_name, None, ()).info(), pd.DataFrame(), np.empty((0, 2))
+    started = time.perf_counter()
+    try:
+        made = getattr(import_module(module), name)(case)
+        table, path = made if isinstance(made, tuple) else (made, path)
+        table = history_of(table, case)
+    except UserError:
+        raise
+    except Exception as error:
+        info |= {"status": as_expected(RunStatus.FAILED, case, run_name), "reason": _one_line(error)}
+    info["seconds"] = {"total": round(time.perf_counter() - started, 4)}
+    write_run(folder, table, path, info)
+    return RunFolder(folder)
 
 
 def _compute(
@@ -202,6 +230,8 @@ class _Attempt:
                 self._finish(discretisation)
         except (WriteError, CaseError):
             raise
+        except ModuleNotFoundError as error:
+            raise missing_extra(error) or error from error
         except Exception as error:
             self.status, self.reason = RunStatus.FAILED, _one_line(error)
             with suppress(OSError):  # for whoever mends the solver; the reason is enough for the user

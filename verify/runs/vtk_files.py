@@ -1,9 +1,8 @@
-"""Fields of a discretisation as pyvista meshes and back, and the PVD files that give them a time."""
+"""Fields of a discretisation as pyvista meshes and back."""
 
 from dataclasses import fields as dataclass_fields
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pyvista
@@ -74,16 +73,6 @@ def fields_of(points: pyvista.UnstructuredGrid, grid: pyvista.UnstructuredGrid) 
     values["grid_displacement"] = np.asarray(grid.point_data["displacement"])[:, :2]
     values["grid_phase_field"] = np.asarray(grid.point_data["phase_field"])
     return Fields(**{field.name: values[field.name] for field in dataclass_fields(Fields)})
-
-
-def pvd_text(times: list[float], files: list[str]) -> str:
-    """A ParaView collection: one data set for each of ``files``, at ``times``."""
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    collection = ElementTree.SubElement(root, "Collection")
-    for time, file in zip(times, files, strict=True):
-        ElementTree.SubElement(collection, "DataSet", timestep=repr(time), part="0", file=file)
-    ElementTree.indent(root)
-    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def write_mesh(mesh: pyvista.UnstructuredGrid, path: Path) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from cases import Case, Check, load_case
+from cases.solvers import SOLVERS
 from numerics.status import RunStatus
 from verify.judging.acceptance import require_committed
 from verify.metrics.registry import METRICS, PAIR_METRICS, find_metric, metric_unit
@@ -104,7 +105,7 @@ def price(
 
 
 def _plain_runs(case: Case) -> list[str]:
-    return [name for name, spec in case.run_specs().items() if not spec.sweep_values]
+    return [name for name, spec in case.run_specs().items() if not spec.sweep_values and not SOLVERS[spec.solver].table]
 
 
 def _require_committed(todo: Sequence[Job]) -> None:

@@ -1,0 +1,78 @@
+"""Copies of cases with all files that they refer to, changed or as they are."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+from cases.case import Case
+from cases.loader import CASE_FILE, read_tables
+
+#: keys whose values are files beside the case
+FILE_KEYS = ("curve", "mesh", "history", "crack_path", "file")
+#: what else belongs to a case of the library
+BESIDE = ("README.md", "measured.toml", "baseline.csv", "prices.csv", "results")
+
+
+def write_copy(case: Case, folder: Path, tables: dict[str, Any] | None = None) -> Path:
+    """Write a case into ``folder/<its name>`` with its files beside it, and return the case file.
+
+    tables : of the case file, where they are to be others than its own
+    """
+    target = folder / case.name
+    shutil.rmtree(target, ignore_errors=True)
+    target.mkdir(parents=True)
+    own = read_tables(case.source)
+    moved = _with_files(tables or own, case.folder, target)
+    path = target / CASE_FILE
+    if tables is None and moved == own:
+        shutil.copyfile(case.source, path)
+    else:
+        path.write_text(toml_text(moved), encoding="utf-8")
+    for name in BESIDE if case.source.name == CASE_FILE else ():
+        if (case.folder / name).is_dir():
+            shutil.copytree(case.folder / name, target / name)
+        elif (case.folder / name).is_file():
+            shutil.copyfile(case.folder / name, target / name)
+    return path
+
+
+def _with_files(value: Any, source: Path, target: Path, key: str = "") -> Any:
+    """The tables with the files that they name copied; those from other folders lie beside the case then."""
+    if isinstance(value, dict):
+        return {name: _with_files(each, source, target, name) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_with_files(each, source, target) for each in value]
+    if key not in FILE_KEYS or not isinstance(value, str) or not (source / value).is_file():
+        return value
+    place = Path(value)
+    place = Path(place.name) if place.is_absolute() else place
+    (target / place).parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source / value, target / place)
+    return place.as_posix()
+
+
+def toml_text(tables: dict[str, Any]) -> str:
+    """Tables as TOML: a line for each key of the outermost tables, inline below."""
+    lines = [f"{_key(name)} = {toml_value(value)}" for name, value in tables.items() if not isinstance(value, dict)]
+    for name, table in tables.items():
+        if isinstance(table, dict):
+            lines += ["", f"[{_key(name)}]", *(f"{_key(key)} = {toml_value(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML in one line."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(key)} = {toml_value(each)}" for key, each in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, float):
+        return repr(value)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _key(name: str) -> str:
+    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else toml_value(name)

@@ -1,0 +1,151 @@
+"""Named groups of mesh files: physical groups of Gmsh (2.2, 4.1), element and node sets of Abaqus.
+
+`meshio` is imported on use: it is slow to import, and few cases bring a mesh.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from cases.errors import BrokenRuleError, CaseError, MeshError
+
+if TYPE_CHECKING:
+    import meshio
+    from shapely.geometry.base import BaseGeometry
+
+#: corners of the cells of a plane mesh that lines and areas are made of
+_CORNERS = {"vertex": 1, "line": 2, "line3": 2, "triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+_GMSH = "gmsh:physical"
+#: plane strain elements of Abaqus, of which meshio knows those of plane stress alone
+_PLANE_STRAIN = {
+    "CPE3": "triangle", "CPE4": "quad", "CPE4R": "quad", "CPE4I": "quad",
+    "CPE6": "triangle6", "CPE8": "quad8", "CPE8R": "quad8",
+}  # fmt: skip
+
+
+def cells_of_groups(mesh: meshio.Mesh) -> dict[str, list[NDArray]]:
+    """Name of each group of cells -> the numbers of its cells in each block of the mesh."""
+    found: dict[str, list[NDArray]] = {}
+    if _GMSH in mesh.cell_data:
+        for name, (tag, dimension) in mesh.field_data.items():
+            tags = zip(mesh.cells, mesh.cell_data[_GMSH], strict=True)
+            found[name] = [np.flatnonzero((data == tag) & (block.dim == dimension)) for block, data in tags]
+    for name, blocks in mesh.cell_sets.items():
+        if not name.startswith("gmsh:"):
+            empty = np.empty(0, dtype=np.int64)
+            found.setdefault(name, [empty if cells is None else np.asarray(cells, dtype=np.int64) for cells in blocks])
+    return found
+
+
+def only_group(path: Path, mesh: meshio.Mesh, group: str | None) -> meshio.Mesh:
+    """The mesh with the cells of a group alone; itself without one. Raises CaseError for an unknown name."""
+    if group is None:
+        return mesh
+    import meshio
+
+    groups = cells_of_groups(mesh)
+    if group not in groups:
+        raise CaseError(f"{path}: has no group {group!r} of cells; it has {_listed(groups)}.")
+    chosen = zip(mesh.cells, groups[group], strict=True)
+    return meshio.Mesh(mesh.points, [(block.type, block.data[cells]) for block, cells in chosen if len(cells)])
+
+
+def boundary_of_group(path: Path, group: str) -> BaseGeometry:
+    """Lines, areas or points of a group in a mesh file, in the file's own numbers.
+
+    Of a set of nodes the edges on the outline whose ends both belong to it, and where there are none the nodes.
+
+    Raises
+    ------
+    BrokenRuleError : no such group
+    """
+    return _boundary(path, group, path.stat().st_mtime_ns)
+
+
+def names_of_groups(path: Path) -> list[str]:
+    """Names of all groups of a mesh file, of cells and of nodes."""
+    mesh = read_mesh(path)
+    return sorted({*cells_of_groups(mesh), *mesh.point_sets})
+
+
+def read_mesh(path: Path) -> Any:
+    """A mesh file as meshio has it; CaseError where it cannot be read."""
+    return _read(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, modified: int) -> Any:
+    """meshio prints its complaints and leaves the program; both become one sentence here."""
+    import meshio
+    from meshio.abaqus import _abaqus
+
+    if path.suffix.lower() == ".inp":
+        _check_no_instances(path)
+        _abaqus.abaqus_to_meshio_type.update(_PLANE_STRAIN)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            return meshio.read(path)
+    except (Exception, SystemExit) as problem:
+        why = " ".join(str(problem).split())[:200]
+        raise MeshError(
+            f"{path}: the mesh cannot be read ({why or type(problem).__name__}); export it again as Gmsh .msh,"
+            " Abaqus .inp or VTU"
+        ) from problem
+
+
+def _check_no_instances(path: Path) -> None:
+    """meshio reads the nodes of parts as they are, wherever the assembly has put them."""
+    lines = path.read_text(encoding="utf-8", errors="replace").lower().splitlines()
+    starts = [number for number, line in enumerate(lines) if line.lstrip().startswith("*instance")]
+    moved = [n for n in starts if n + 1 < len(lines) and not lines[n + 1].lstrip().startswith("*")]
+    if len(starts) > 1 or moved:
+        raise MeshError(
+            f"{path}: holds instances of parts, whose places cannot be read; write the input file without parts and"
+            " assemblies"
+        )
+
+
+@lru_cache(maxsize=64)
+def _boundary(path: Path, group: str, modified: int) -> BaseGeometry:
+    mesh = read_mesh(path)
+    points, groups = np.asarray(mesh.points)[:, :2], cells_of_groups(mesh)
+    if group in groups:
+        chosen = zip(mesh.cells, groups[group], strict=True)
+        plane = [(block.data[some], _CORNERS[block.type]) for block, some in chosen if block.type in _CORNERS]
+        cells = [cell for data, corners in plane for cell in data[:, :corners]]
+        return shapely.union_all([_shape_of(points[cell]) for cell in cells])
+    if group not in mesh.point_sets:
+        raise BrokenRuleError("is no group of the mesh", f"name one of {_listed(names_of_groups(path))}", "group", group)
+    nodes = np.asarray(mesh.point_sets[group], dtype=np.int64)
+    edges = _outline_edges(mesh)
+    edges = edges[np.isin(edges, nodes).all(axis=1)]
+    if len(edges):
+        return shapely.union_all(shapely.linestrings(points[edges]))
+    return shapely.union_all(shapely.points(points[nodes]))
+
+
+def _shape_of(corners: NDArray) -> BaseGeometry:
+    kinds = {1: lambda c: shapely.Point(c[0]), 2: shapely.LineString}
+    return kinds.get(len(corners), shapely.Polygon)(corners)
+
+
+def _outline_edges(mesh: Any) -> NDArray:
+    """Ends (n, 2) of the edges that belong to one plane cell only."""
+    corners = [np.asarray(b.data)[:, : _CORNERS[b.type]] for b in mesh.cells if _CORNERS.get(b.type, 0) > 2]
+    edges = [np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2) for cells in corners]
+    if not edges:
+        return np.empty((0, 2), dtype=np.int64)
+    unique, count = np.unique(np.sort(np.vstack(edges), axis=1), axis=0, return_counts=True)
+    return unique[count == 1]
+
+
+def _listed(names: Any) -> str:
+    return ", ".join(map(str, names)) or "none"

@@ -1,0 +1,365 @@
+"""Results from elsewhere: mapped, kept, judged; what they lack is said, what is wrong in them is one sentence."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fake_solver
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import Case, CaseError, load_case
+from cases.errors import BrokenRuleError
+from cases.loader import LIBRARY
+from cases.mapping import parse_mapping
+from cases.units import Units
+from verify import judge
+from verify.cli import main
+from verify.judging.acceptance import accept
+from verify.judging.archive import METADATA, ArchiveError, Imported, read_archive, write_archive
+from verify.judging.summary import compare
+from verify.runs import running
+from verify.runs.importing import ImportedError, history_of, mapped, read_table
+from verify.runs.kept import main_runs, read_kept, reduced, restore
+from verify.runs.running import run
+
+U = np.linspace(0.0, 0.01, 21)
+F = 100.0 * np.maximum(0.0, np.minimum(U, 0.005 - (U - 0.005) * 5 / 3))
+
+
+@pytest.fixture
+def square(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Case:
+    """The softening square with kept results of both stand-ins, whose peak is 0.5 kN, and no solver any more."""
+    monkeypatch.setattr(running, "code_version", lambda: "0.1.0+abc1234")
+    with monkeypatch.context() as solving:
+        fake_solver.install(solving, mpm_factor=1.005)
+        path = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem", 0.02))
+        case = load_case(path, "quick")
+        for name in main_runs(case):
+            run(path, name, "quick", tmp_path / "made")
+        accept(case, "first values", tmp_path / "made")
+    return load_case(path, "quick")
+
+
+def written(folder: Path, text: str, name: str = "mine.csv") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def csv(u: np.ndarray, F: np.ndarray, header: str = "u,F", newline: str = "\n") -> str:
+    return header + newline + newline.join(f"{a},{b}" for a, b in zip(u, F, strict=True)) + newline
+
+
+# ------------------------------------------------------------------------------------------------ mapping
+
+
+def test_a_mapping_takes_columns_factors_signs_units_and_words() -> None:
+    found = parse_mapping("u = U2, F=-2*RF2 [N]; E_el = 'all, SE'/1e3, half-model, damage")
+    assert {name: (s.column, s.factor, s.unit) for name, s in found.sources.items()} == {
+        "u": ("U2", 1.0, ""), "F": ("RF2", -2.0, "N"), "E_el": ("all, SE", 1e-3, ""),
+    }  # fmt: skip
+    assert found.words == ("half model", "damage")
+
+
+@pytest.mark.parametrize(
+    "text", ["F = __import__('os')", "F = RF1 + RF2", "F", "u = ", "F = 2 * 3", "half a horse", "u=a, u=b", "u = a*0"]
+)
+def test_what_is_no_mapping_is_refused_and_never_evaluated(text: str) -> None:
+    with pytest.raises(BrokenRuleError):
+        parse_mapping(text)
+
+
+def table_of(text: str, folder: Path) -> pd.DataFrame:
+    return read_table(written(folder, text))
+
+
+def test_units_words_and_damage_give_the_history_in_case_units(square: Case, tmp_path: Path) -> None:
+    table = table_of("U2;RF2;D\n0;0;0\n10;-250;0.25\n", tmp_path)
+    mapping = parse_mapping("u = U2 [um], F = -1*RF2 [N], d = D, half model")
+    history = mapped(table, mapping, square, "mine.csv")
+    assert history["u"].tolist() == pytest.approx([0.0, 0.01])
+    assert history["F"].tolist() == pytest.approx([0.0, 0.5])
+    assert history["c_min"].tolist() == [1.0, 0.75]
+    assert history["W_ext"].iloc[-1] == pytest.approx(0.5 * 0.5 * 0.01)
+    assert history["E_el"].isna().all()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeffu,F\n0,0\n1,2\n", "u_mm F_kN\n0 0\n1 2\n", "# u F\n0 0\n1 2\n",
+        "# from a paper\nu [mm],F (N)\n0,0\n1,2000\n",
+        "u\tF\r\n0\t0\r\n1\t2\r\n",
+    ],
+)  # fmt: skip
+def test_tables_as_people_write_them_are_read(text: str, square: Case, tmp_path: Path) -> None:
+    history = mapped(table_of(text, tmp_path), parse_mapping(""), square, "mine.csv")
+    assert history[["u", "F"]].to_numpy().tolist() == [[0.0, 0.0], [1.0, 2.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "columns", "said"),
+    [
+        ("", "", "is empty"),
+        ("# only words\n", "", "is empty"),
+        ("u,F\n", "", "no rows under its header u, F"),
+        ("0,0\n1,2\n", "", "has no header"),
+        ("a,b\n0,0\n1,2\n", "", 'no column is u and F; say which with a map such as "u = COLUMN, F = COLUMN"'),
+        ("u,F\n0,0\n1,2\n", "u = U2", "has no column 'U2' for u; it has u, F"),
+        ("u,F\n0,0\n1,2\n", "F = F [mm]", "[mm] is not a quantity of force; give a unit of force, such as [kN]"),
+        ("u,F\n0,0\n1,2\n", "F = F [xyzw]", "[xyzw] has an unknown unit"),
+        ("u,F\n0,0\n1,nan\n2,1\n", "", "column 'F' is no finite number in row 2 (1 of 3 rows)"),
+        ("u,F\n0,0\n1,\n", "", "column 'F' is no finite number in row 2"),
+        ("u;F\n0;0\n1;2,5\n", "", "column 'F' is no finite number in row 2"),
+        ("time,u,F\n0,0,0\n2,1,1\n1,2,1\n", "", "the time falls in row 3, from 2 to 1"),
+        ("u,F\n0,0\n1,2,3\n", "", "row 2 has 3 cells and the header 2 (u, F)"),
+        ("u,u\n0,0\n", "", "names a column twice (u, u)"),
+        ("u,F\n0,0\n", "", "has one row"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence_that_lists_what_was_found(
+    text: str, columns: str, said: str, square: Case, tmp_path: Path
+) -> None:
+    with pytest.raises(ImportedError) as error:
+        mapped(table_of(text, tmp_path), parse_mapping(columns), square, str(tmp_path / "mine.csv"))
+    assert said in str(error.value)
+    assert str(error.value).startswith(str(tmp_path / "mine.csv"))
+    assert "\n" not in str(error.value)
+
+
+# --------------------------------------------------------------------------------------------------- kept
+
+
+def test_what_is_left_out_of_a_kept_history_lies_on_lines_between_the_rest() -> None:
+    x = np.linspace(0.0, 1.0, 400)
+    history = pd.DataFrame({"step": range(400), "u": x, "F": np.where(x < 0.7, np.sin(2 * x), 0.0), "E_el": x**2})
+    fewer = reduced(history, 1e-3)
+    assert len(fewer) < 60
+    assert fewer["F"].max() == history["F"].max()
+    for name in ("F", "E_el"):
+        assert np.abs(np.interp(x, fewer["u"], fewer[name]) - history[name]).max() < 4e-3 * np.ptp(history[name])
+
+
+def test_a_kept_result_becomes_the_run_that_it_was(square: Case, tmp_path: Path) -> None:
+    restored, left_out = restore(square, tmp_path / "out")
+    assert (restored, left_out) == (["fem", "mpm"], [])
+    entry = compare(square, "quick", tmp_path / "out")
+    assert entry["verdict"] == "PASS"
+    assert entry["checks"][0]["value"] == pytest.approx(0.5025, rel=1e-5)
+    assert entry["runs"]["fem"]["code_version"] == "0.1.0+abc1234"
+
+
+def test_a_kept_result_of_another_version_of_the_case_is_no_reference(square: Case, tmp_path: Path) -> None:
+    text = square.source.read_text(encoding="utf-8")
+    square.source.write_text(text.replace("young = 210.0", "young = 211.0"), encoding="utf-8")
+    restored, left_out = restore(load_case(square.source, "quick"), tmp_path / "out")
+    assert restored == []
+    assert "of another version of the case" in left_out[0]
+
+
+def test_without_kept_results_the_published_ones_are_left(square: Case, tmp_path: Path) -> None:
+    reference = '[references.paper]\nkind = "table"\nsource = "Somebody"\nvalues = { peak_force = 0.5 }\n'
+    path = fake_solver.write_case(tmp_path / "other", reference, fake_solver.check("reference:paper", 0.1))
+    judged = judge(load_case(path, "quick"), pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    assert judged.verdict == "PASS"
+    assert "No result of run fem is kept for tier quick." in judged.remarks
+
+
+# ------------------------------------------------------------------------------------------------ judging
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(1.0, "PASS"), (1.1, "FAIL")])
+def test_a_result_is_judged_against_both_solvers(square: Case, tmp_path: Path, factor: float, verdict: str) -> None:
+    judged = judge(square, pd.DataFrame({"u": U, "F": factor * F}), out=tmp_path / "out")
+    assert judged.verdict == verdict
+    assert judged.page is not None and judged.page.is_file()
+    gated = judged.checks[judged.checks["verdict"] != "INFO"]
+    assert gated[["metric", "against"]].to_numpy().tolist() == [["peak_force", "fem"], ["peak_force", "mpm"]]
+    assert gated["error"].iloc[0] == pytest.approx(factor - 1.0, abs=1e-5)
+
+
+def test_a_metric_that_the_data_do_not_allow_is_a_sentence_and_no_failure(square: Case, tmp_path: Path) -> None:
+    judged = judge(square, pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    notes = judged.checks.set_index("metric")["note"]
+    assert "has no values of E_frac; it has" in notes["fracture_energy"].iloc[0]
+    assert "came without a crack path" in notes["crack_length"].iloc[0]
+    with_path = judge(square, pd.DataFrame({"u": U, "F": F}), crack_path=np.array([[0, 0], [1, 0]]), out=tmp_path / "out")
+    assert with_path.checks.set_index("metric")["value"]["crack_length"].iloc[0] == 1.0
+
+
+def test_a_result_that_does_not_unload_is_held_against_the_first_branch(square: Case, tmp_path: Path) -> None:
+    kept = read_kept(square, "fem")
+    assert kept is not None
+    file = square.folder / "results" / "quick" / "fem.csv"
+    last = kept.history.iloc[-1]
+    back = f"99,{last['time'] + 1},0.002,0.1,0,0,0,0,0\n"
+    file.write_text(file.read_text(encoding="utf-8") + back, encoding="utf-8")
+    judged = judge(square, pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    assert judged.verdict == "PASS"
+    assert judged.remarks[1] == "Run fem is shown up to u = 0.01, where its load turns back."
+    short = judge(square, pd.DataFrame({"u": U[:8], "F": F[:8]}), out=tmp_path / "out")
+    note = short.checks.set_index("metric")["note"]["curve_l2_whole"].iloc[0]
+    assert "covers only" in note and short.checks["verdict"].eq("FAIL").sum() == 2  # of the peak, which is there
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(0.5, "half model"), (1000.0, "unit"), (-1.0, "sign"), (1.2, "elastic part differs"), (1.0, "agrees")],
+)
+def test_the_elastic_part_tells_where_a_difference_comes_from(
+    square: Case, tmp_path: Path, factor: float, said: str
+) -> None:
+    judged = judge(square, pd.DataFrame({"u": U, "F": factor * F}), out=tmp_path / "out")
+    assert said in judged.remarks[0]
+
+
+def test_the_command_judges_a_file_and_exits_by_the_verdict(
+    square: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = written(tmp_path, csv(1000 * U, -1100 * F, "U2,RF2"))
+    arguments = ["judge", str(square.source.parent), "--history", str(mine), "--tier", "quick"]
+    arguments += ["--out", str(tmp_path / "out"), "--map", "u = U2 [um], F = -1*RF2 [N]"]
+    for more, code in (([], 1), (["--within", "15%"], 0)):
+        with pytest.raises(SystemExit) as ended:
+            main([*arguments, *more])
+        assert ended.value.code == code
+    assert "mine" in capsys.readouterr().out
+    for more, said in ((["--map", "F = a + b"], "map: 'F = a + b'"), (["--map", "u = x"], f"{mine}: has no column 'x'")):
+        with pytest.raises(SystemExit) as ended:
+            main([*arguments, *more])
+        assert ended.value.code == 3
+        assert said in capsys.readouterr().err
+
+
+def test_a_moving_result_is_judged_by_what_it_tells(tmp_path: Path) -> None:
+    table = pd.DataFrame({"time": [0.0, 0.1, 0.2], "E_kin": [13.7, 13.0, 13.7]})
+    judged = judge("elastic_rings", table, out=tmp_path)
+    assert judged.verdict == "NOT_CHECKED"
+    assert judged.checks["note"].str.len().gt(0).all()
+    page = judged.page.read_text(encoding="utf-8")
+    assert "could not be drawn" not in page and "nan" not in page.replace("finance", "")
+
+
+def test_an_imported_run_of_a_case_file_is_run_and_compared_like_others(
+    square: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_solver.install(monkeypatch)
+    written(square.folder, csv(U, 1.01 * F))
+    extra = '[runs.theirs]\nsolver = "imported"\nhistory = "mine.csv"\nmap = "u = u"\n'
+    checked = fake_solver.check("fem", 0.02).replace('run = "mpm"', 'run = "theirs"')
+    path = fake_solver.write_case(square.folder, extra, checked)
+    for name in ("fem", "theirs"):
+        run(path, name, "quick", tmp_path / "out")
+    entry = compare(path, "quick", tmp_path / "out")
+    assert [(check["verdict"], check["run"]) for check in entry["checks"]] == [("PASS", "theirs")]
+    before = load_case(path, "quick", "theirs").hash()
+    written(square.folder, csv(U, 1.02 * F))
+    assert load_case(path, "quick", "theirs").hash() != before
+
+
+@pytest.mark.parametrize(
+    "table",
+    ['solver = "imported"', 'solver = "fem"\nhistory = "mine.csv"', 'solver = "imported"\nhistory = "none.csv"',
+     'solver = "imported"\nhistory = "mine.csv"\nmap = "F = a + b"'],
+)  # fmt: skip
+def test_a_table_of_an_imported_run_is_checked(square: Case, table: str) -> None:
+    written(square.folder, csv(U, F))
+    path = fake_solver.write_case(square.folder, f"[runs.theirs]\n{table}\n")
+    with pytest.raises(CaseError, match=r"runs\.theirs"):
+        load_case(path, "quick")
+
+
+def test_judging_loads_no_solver_and_no_vtk(square: Case, tmp_path: Path) -> None:
+    mine = written(tmp_path, csv(U, F))
+    program = f"""
+import sys
+from verify import judge
+judge({str(square.source)!r}, {str(mine)!r}, tier="quick", out={str(tmp_path / "out")!r})
+heavy = ("numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen", "skimage")
+print([name for name in heavy if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=Path(__file__).parents[1])
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_units_of_a_history_are_those_of_the_case(square: Case) -> None:
+    assert isinstance(square.units, Units)
+    assert history_of(pd.DataFrame({"u": U, "F": F}), load_case(square.source, "quick", "fem"))["F"].max() == F.max()
+    assert read_kept(square, "fem") is not None
+
+
+# ------------------------------------------------------------------------------------------------ archives
+
+
+def test_an_archive_is_read_back_to_the_same_verdict(square: Case, tmp_path: Path) -> None:
+    there = read_back(square, tmp_path)
+    assert there.verdict == there.summary["cases"][0]["verdict"] == "PASS"
+    (tmp_path / "square-quick.zip").write_bytes(b"PK nothing")
+    with pytest.raises(ArchiveError, match="no zip file"):
+        read_archive(tmp_path / "square-quick.zip", tmp_path / "there")
+
+
+def read_back(square: Case, folder: Path) -> Imported:
+    write_archive(square, folder / "made", folder / "square-quick.zip")
+    with zipfile.ZipFile(folder / "square-quick.zip") as archive:
+        graph = json.loads(archive.read("ro-crate-metadata.json"))["@graph"]
+        assert {entity["@id"] for entity in graph if entity["@type"] == "File"} == {*archive.namelist()} - {METADATA}
+        assert not any(name.endswith(".vtu") for name in archive.namelist())
+    return read_archive(folder / "square-quick.zip", folder / "there")
+
+
+def test_fields_that_a_check_is_taken_from_are_in_the_archive(square: Case, tmp_path: Path) -> None:
+    needs = fake_solver.check("none", 1e-6).replace("peak_force", "asymmetry")
+    parameters = 'parameters = { direction = "x", middle = 0.5 }\n'
+    path = fake_solver.write_case(square.folder, needs + parameters)
+    assert write_archive(load_case(path, "quick"), tmp_path / "made", tmp_path / "a.zip") == ["mpm"]
+    found = read_archive(tmp_path / "a.zip", tmp_path / "there")
+    assert found.verdict == found.summary["cases"][0]["verdict"]
+
+
+def test_a_changed_archive_is_refused(square: Case, tmp_path: Path) -> None:
+    read_back(square, tmp_path)
+    with zipfile.ZipFile(tmp_path / "square-quick.zip") as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(tmp_path / "changed.zip", "w") as changed:
+        for name, data in content.items():
+            changed.writestr(name, data.replace(b"210", b"211") if name.endswith("case.toml") else data)
+    with pytest.raises(ArchiveError, match=r"case\.toml is missing or was changed"):
+        read_archive(tmp_path / "changed.zip", tmp_path / "there")
+
+
+# ------------------------------------------------------------------------------------ other people's tests
+
+
+def test_the_fixture_fails_with_the_table_of_checks(square: Case, tmp_path: Path) -> None:
+    written(tmp_path, csv(U, 1.1 * F))
+    test = f"def test_mine(fracture_case):\n    fracture_case({str(square.source)!r}).judge('mine.csv', tier='quick')\n"
+    written(tmp_path, test, "test_mine.py")
+    command = [sys.executable, "-m", "pytest", "-p", "verify.pytest_plugin", "-p", "no:cacheprovider", "test_mine.py"]
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "peak_force     fem" in done.stdout and "FAIL" in done.stdout
+
+
+def test_a_missing_extra_is_one_sentence_with_its_command(tmp_path: Path) -> None:
+    program = "import sys; sys.modules['numba'] = None; from verify.cli import main; main(sys.argv[1:])"
+    command = [sys.executable, "-c", program, "run", "bar_profile", "--tier", "quick", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[1])
+    said = "numba is not installed, which this needs; install it with pip install 'fracture-verify[solve]'.\n"
+    assert (done.returncode, done.stderr) == (3, said)
+
+
+@pytest.mark.parametrize("file", sorted(LIBRARY.glob("*/results/*/*.csv")), ids=lambda file: "-".join(file.parts[-4:]))
+def test_a_kept_result_of_the_library_is_of_the_case_as_it_stands(file: Path) -> None:
+    """Where it is not, `verify accept` keeps another one."""
+    if file.name.endswith(".crack_path.csv"):
+        return
+    kept = read_kept(load_case(file.parents[2] / "case.toml", file.parent.name), file.stem)
+    assert kept is not None and kept.fits(load_case(file.parents[2] / "case.toml", file.parent.name, file.stem))
+    assert np.isfinite(kept.history[["time", "u", "F"]].to_numpy(float)).all()

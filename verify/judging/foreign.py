@@ -1,0 +1,331 @@
+"""A result from elsewhere held against the kept results of a case: nothing is solved."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cases import Case, Check, UserError, list_cases, load_case
+from cases.copies import write_copy
+from cases.errors import BrokenRuleError
+from cases.judging import Reference, merge
+from cases.loader import read_tables
+from cases.mapping import parse_mapping
+from cases.solvers import IMPORTED
+from verify.judging.judge import checks_of
+from verify.judging.summary import summarise, write_summary
+from verify.judging.targets import CURVE_METRICS, JudgeError, reference_curve
+from verify.judging.views import Json
+from verify.metrics.curves import Curve, CurveError, peak_force, peak_index
+from verify.metrics.registry import PAIR_METRICS
+from verify.runs.importing import mapped, read_path, read_table
+from verify.runs.kept import main_runs, read_kept, restore
+from verify.runs.run_folder import RunFolder
+from verify.runs.running import run
+
+DEFAULT_FOLDER = Path("reports/out/judged")
+#: shown of every result, whether the case checks them or not
+SHOWN = (
+    "peak_force", "displacement_at_peak", "initial_stiffness", "curve_l2_before_peak", "curve_l2_whole",
+    "dissipated_work", "fracture_energy", "crack_length", "crack_angle", "path_mean_distance_over_h",
+    "path_hausdorff_over_h",
+)  # fmt: skip
+SHOWN_OF_MOVING = ("fracture_energy",)
+_SHOWN_LIMIT = 0.05
+#: elastic slopes that differ by less are the same
+SAME_STIFFNESS = 0.03
+
+
+@dataclass(frozen=True)
+class ForeignResult:
+    """What is to be judged.
+
+    history : CSV file or table. map : as in `cases.mapping`. crack_path : CSV file x,y or array (n, 2) [length].
+    name : of the run; that of the file without. within : share that replaces the case's relative limits
+    """
+
+    history: Path | pd.DataFrame
+    map: str = ""
+    crack_path: Path | np.ndarray | None = None
+    name: str = ""
+    within: float | None = None
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The verdict on a result from elsewhere: its entry of summary.json, the folder of it all, the run, the page."""
+
+    entry: Json
+    out: Path
+    run: RunFolder
+    page: Path | None = None
+
+    @property
+    def verdict(self) -> str:
+        """PASS, FAIL, MISSING or NOT_CHECKED."""
+        return str(self.entry["verdict"])
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the curves tell of where a difference may come from, and what there was not to compare with."""
+        return list(self.entry["remarks"])
+
+    @property
+    def checks(self) -> pd.DataFrame:
+        """A row for each check; those that are only shown have the verdict INFO."""
+        columns = ["metric", "against", "value", "target", "unit", "error", "limit", "verdict", "note"]
+        return pd.DataFrame(self.entry["checks"], columns=columns)
+
+    def _repr_html_(self) -> str:
+        return f"<p><b>{self.entry['case']}: {self.verdict}</b></p>{self.checks.to_html(index=False)}"
+
+
+def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
+    """Judge a result from elsewhere by the case's own checks, against the kept results of its tier.
+
+    Under ``out`` there is afterwards what `verify run` and `verify compare` leave: a case file with the run and its
+    checks in ``cases/<case>``, run folders, and the summary with its views.
+
+    Raises
+    ------
+    UserError : the result cannot be read; one sentence tells what was found.
+    """
+    _require_readable(case, foreign)
+    named = replace(foreign, name=_run_name(foreign, case))
+    shutil.rmtree(out / "runs" / case.name / case.tier, ignore_errors=True)
+    written = _write_case(case, named, out)
+    imported = run(written, named.name, case.tier, out, force=True)
+    _, about_kept = restore(written, out, first_branch=not case.dynamics and not _turns_back(imported))
+    summary = summarise([written], case.tier, out)
+    entry = summary["cases"][0]
+    entry["command"] = _command(case, named)
+    entry["remarks"] = [*remarks(written, imported, out), *about_kept]
+    write_summary(summary, out)
+    return Judgement(entry, out, imported)
+
+
+def _require_readable(case: Case, foreign: ForeignResult) -> None:
+    """Raise UserError for what is wrong in the map or the files, while they have the names that the user knows."""
+    try:
+        mapping = parse_mapping(foreign.map)
+    except BrokenRuleError as error:
+        raise UserError(f"map: {(error.value or foreign.map)!r} {error.text}; {error.remedy}.") from None
+    given = foreign.history
+    for file in (given, foreign.crack_path):
+        if isinstance(file, Path) and not file.is_file():
+            raise UserError(f"{file}: is no file; name a CSV file.")
+    mapped(read_table(given) if isinstance(given, Path) else given, mapping, case, _called(given))
+    if isinstance(foreign.crack_path, Path):
+        read_path(foreign.crack_path)
+
+
+def _command(case: Case, foreign: ForeignResult) -> str:
+    """What judges the same files again."""
+    options = {"--map": foreign.map, "--tier": case.tier, "--name": foreign.name}
+    if isinstance(foreign.crack_path, Path):
+        options["--crack-path"] = str(foreign.crack_path)
+    if foreign.within is not None:
+        options["--within"] = f"{foreign.within:g}"
+    said = [word for pair in options.items() if pair[1] for word in pair]
+    asked = case.name if case.name in list_cases() else str(case.source)
+    return shlex.join(["verify", "judge", asked, "--history", _called(foreign.history), *said])
+
+
+def _called(given: Path | pd.DataFrame) -> str:
+    return str(given) if isinstance(given, Path) else "TABLE"
+
+
+def _turns_back(imported: RunFolder) -> bool:
+    try:
+        return Curve.from_history(imported.history).cyclic
+    except CurveError:
+        return False
+
+
+def _run_name(foreign: ForeignResult, case: Case) -> str:
+    stem = foreign.history.stem if isinstance(foreign.history, Path) else "mine"
+    name = re.sub(r"\W+", "_", foreign.name or stem, flags=re.ASCII).strip("_")[:60]
+    name = name if name[:1].isalpha() else f"run_{name}"
+    return f"{name}_imported" if name in case.runs else name
+
+
+# ------------------------------------------------------------------------------------------- the case file
+
+
+def _write_case(case: Case, foreign: ForeignResult, out: Path) -> Case:
+    """The case with the result as one of its runs beside those that are kept, and the checks that apply to it."""
+    tables = read_tables(case.source)
+    of_tier = tables.get("tiers", {}).get(case.tier, {})
+    runs = merge(tables.get("runs", {}), of_tier.get("runs", {}))
+    kept = [name for name in main_runs(case) if read_kept(case, name) is not None]
+    tables = {key: value for key, value in tables.items() if key not in ("charts", "maps")}
+    left = ("runs", "charts", "maps")
+    tables["tiers"] = {case.tier: {key: value for key, value in of_tier.items() if key not in left}}
+    tables["runs"] = {name: runs[name] for name in main_runs(case)} | {foreign.name: _run_table(foreign, out)}
+    tables["checks"] = foreign_checks(case, foreign, kept)
+    path = write_copy(case, out / "cases", tables)
+    return load_case(path, case.tier)
+
+
+def _run_table(foreign: ForeignResult, out: Path) -> dict[str, Any]:
+    """The run's table, whose files `write_copy` puts beside the case."""
+    table: dict[str, Any] = {"solver": IMPORTED, "history": _as_file(foreign.history, out, foreign.name)}
+    if foreign.map:
+        table["map"] = foreign.map
+    if foreign.crack_path is not None:
+        crack = foreign.crack_path
+        given = crack if isinstance(crack, Path) else pd.DataFrame(np.reshape(crack, (-1, 2)), columns=["x", "y"])
+        table["crack_path"] = _as_file(given, out, f"{foreign.name}_crack_path")
+    return table
+
+
+def _as_file(given: Path | pd.DataFrame, out: Path, name: str) -> str:
+    if isinstance(given, Path):
+        return str(given.resolve())
+    path = out / "given" / f"{name}.csv"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    given.to_csv(path, index=False)
+    return str(path.resolve())
+
+
+# ------------------------------------------------------------------------------------------------- checks
+
+
+def foreign_checks(case: Case, foreign: ForeignResult, kept: list[str]) -> list[dict[str, Any]]:
+    """The checks of a result from elsewhere, as tables of a case file.
+
+    Those that hold a kept run against the other, against print or an exact solution apply with the same limits, against
+    each of the kept runs, those of two curves or paths against the one that is the reference in the case; those against
+    the case's own baseline do not. The metrics of `SHOWN` are told besides.
+    """
+    found: dict[tuple[str, str, str], dict[str, Any]] = {}
+    for check in checks_of(case):
+        for against in _targets(case, check, kept):
+            table = _table(check, against, foreign)
+            key = (check.metric, against, str(sorted(check.parameters.items())))
+            if key not in found or (table["gate"], table["limit"]) > (found[key]["gate"], found[key]["limit"]):
+                found[key] = table
+    for metric in SHOWN_OF_MOVING if case.dynamics else SHOWN:
+        for against in _shown_against(case, metric, kept):
+            found.setdefault((metric, against, "[]"), _shown(metric, against, foreign))
+    return list(found.values())
+
+
+def _targets(case: Case, check: Check, kept: list[str]) -> list[str]:
+    kind, other = check.target
+    mains = main_runs(case)
+    if check.run not in mains or kind == "baseline":
+        return []
+    if kind != "run":
+        return [check.against]
+    return list(kept) if other in mains else []
+
+
+def _table(check: Check, against: str, foreign: ForeignResult) -> dict[str, Any]:
+    table = check.model_dump(mode="json", include={"metric", "error_kind", "limit", "gate", "reason", "parameters"})
+    table |= {"run": foreign.name, "against": against}
+    # an error relative to the force of the other run is another error
+    table["gate"] = check.gate and (check.metric not in PAIR_METRICS or against == check.against)
+    if foreign.within is not None and check.error_kind == "relative" and check.target[0] != "none":
+        table |= {"limit": foreign.within, "reason": f"asked for; the case: {check.limit:g}, {check.reason}"}
+    return table
+
+
+def _shown_against(case: Case, metric: str, kept: list[str]) -> list[str]:
+    curves = [name for name, reference in case.references.items() if _tells(reference, metric)]
+    return [*kept, *(f"reference:{name}" for name in curves)]
+
+
+def _tells(reference: Reference, metric: str) -> bool:
+    of_curve = metric in CURVE_METRICS or (metric in PAIR_METRICS and not metric.startswith("path_"))
+    return metric in reference.values or (reference.curve is not None and of_curve)
+
+
+def _shown(metric: str, against: str, foreign: ForeignResult) -> dict[str, Any]:
+    reason = f"shown beside a mark of {100 * _SHOWN_LIMIT:g} %: the case sets no limit for it"
+    return {
+        "metric": metric, "run": foreign.name, "against": against, "limit": _SHOWN_LIMIT, "gate": False, "reason": reason,
+    }  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------ remarks
+
+
+def remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
+    """What the elastic part of the curve tells of where a difference comes from, in sentences."""
+    if case.dynamics:
+        return []
+    try:
+        curve = Curve.from_history(imported.history)
+        name, expected = _expected(case, out)
+        ratio = _elastic_slope(curve) / _elastic_slope(expected)
+    except (CurveError, JudgeError) as problem:
+        return [str(problem)]
+    if not np.isfinite(ratio) or ratio == 0.0:
+        return []
+    return [_remark(case, ratio, name, abs(peak_force(curve) / peak_force(expected)) - 1.0)]
+
+
+def _elastic_slope(curve: Curve) -> float:
+    """Slope of the first branch between a tenth and two fifths of the way to the peak, where readings are surest."""
+    end = peak_index(curve)
+    way = np.abs(curve.u[: end + 1] - curve.u[0])
+    places = np.linspace(0.1, 0.4, 13) * way.max()
+    force = np.interp(places, np.maximum.accumulate(way), curve.F[: end + 1])
+    return curve.direction * float(np.polyfit(places, force, 1)[0])
+
+
+def _expected(case: Case, out: Path) -> tuple[str, Curve]:
+    """The first kept run's curve, or the first published one."""
+    for name in main_runs(case):
+        folder = out / "runs" / case.name / case.tier / name
+        if folder.is_dir():
+            return name, Curve.from_history(RunFolder(folder).history, name)
+    for name, reference in case.references.items():
+        if reference.curve:
+            return name, reference_curve(case, name)
+    raise JudgeError(f"{case.name}: neither a kept result nor a published curve is there to compare a curve with.")
+
+
+def _remark(case: Case, ratio: float, name: str, excess: float) -> str:
+    said = f"The elastic slope is {ratio:.4g} times that of {name}"
+    causes = {
+        -1.0: "the sign of the force or of u is the other one; write for instance F = -COLUMN",
+        0.5: "half a model looks so; write the word 'half model'",
+        2.0: "that of a whole model whose force was doubled looks so",
+        1e3: "a force in a unit a thousand times smaller looks so, or a length; give the unit in brackets",
+        1e-3: "a force in a unit a thousand times larger looks so, or a length; give the unit in brackets",
+        1e6: "a unit a million times smaller looks so; give the unit in brackets",
+        1e-6: "a unit a million times larger looks so; give the unit in brackets",
+        1.0 / case.plane.thickness: "a force per unit of thickness looks so; write the words 'per thickness'",
+    }
+    if abs(ratio - 1.0) <= SAME_STIFFNESS:
+        elastic = f"{said}: the elastic part agrees"
+        if abs(excess) <= SAME_STIFFNESS:
+            return f"{elastic}, and the peak differs by {100 * excess:+.2g} %."
+        return (
+            f"{elastic}, the peak differs by {100 * excess:+.3g} %: look at toughness, length scale, split,"
+            f" the spacing h over l0 and the increments.{_seen_toughness(case, name)}"
+        )
+    for value, cause in causes.items():
+        if abs(ratio / value - 1.0) <= SAME_STIFFNESS:
+            return f"{said}: {cause}."
+    return (
+        f"{said}: the elastic part differs already; look at elastic constants, plane strain or stress, thickness,"
+        " supports and where u is measured."
+    )
+
+
+def _seen_toughness(case: Case, name: str) -> str:
+    """What the spacing of a kept run does to its toughness, as in `verify.judging.targets.seen_toughness`."""
+    scales = [material.fracture.length_scale for material in case.materials.values() if material.fracture]
+    if name not in case.runs or not scales:
+        return ""
+    return f" That of {name} raises the toughness that it sees by h / (4 l0) = {25.0 * case.mesh.h / scales[0]:.2g} %."

@@ -1,0 +1,231 @@
+"""Results from elsewhere become the table of a history: columns, units and signs by the mapping of the case's run."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from cases import Case, UserError
+from cases.errors import BrokenRuleError
+from cases.judging import Foreign
+from cases.mapping import DAMAGE, FORCE_LIKE, KINDS_OF_COLUMNS, Mapping, Source, parse_mapping, unit_factor
+from cases.table import nearest
+from verify.runs.run_folder import HISTORY_COLUMNS
+
+#: columns of a history that count the work of our own solvers
+_COUNTS = ("staggered", "newton", "seconds")
+#: a column that carries its unit in its name: "u_mm", "F [kN]"
+_WITH_UNIT = re.compile(r"(?P<name>[A-Za-z]\w*?)(?:_(?P<plain>[A-Za-zµ]+)|\s*[\[(](?P<unit>[^\])]+)[\])])")
+_MOST_SHOWN = 30
+
+
+class ImportedError(UserError):
+    """A result from elsewhere that cannot be read; its text is one sentence that lists what was found."""
+
+
+def read_foreign(case: Case) -> tuple[pd.DataFrame, np.ndarray]:
+    """Table and crack path (n, 2) of the imported run of a case, as the files have them; raises ImportedError."""
+    foreign = _foreign(case)
+    assert foreign is not None
+    return read_table(foreign.history), read_path(foreign.crack_path) if foreign.crack_path else np.empty((0, 2))
+
+
+def history_of(table: pd.DataFrame, case: Case) -> pd.DataFrame:
+    """The history that the table of a case's run tells, in the units of the case; see `mapped`."""
+    foreign = _foreign(case)
+    if foreign is None:
+        return mapped(table, Mapping({}), case, f"run {case.run}")
+    return mapped(table, parse_mapping(foreign.map), case, str(foreign.history))
+
+
+def _foreign(case: Case) -> Foreign | None:
+    assert case.run is not None
+    return case.run_spec(case.run).foreign
+
+
+# ------------------------------------------------------------------------------------------------ reading
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """A CSV file with a header, columns parted by commas, semicolons, tabs or spaces, as numbers.
+
+    Lines that begin with # are comments; where no other line is a header, the last of them before the numbers is. A cell
+    that is empty or no number is NaN. Raises ImportedError for a file that is empty, no text or without a header.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ImportedError(f"{path}: is no UTF-8 text (byte {error.start}); save it as CSV in UTF-8.") from None
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    rows = [line for line in lines if not line.startswith("#")]
+    if not rows:
+        raise ImportedError(f"{path}: is empty; give a header such as u,F and a row for each state.")
+    delimiter = next((sign for sign in (",", ";", "\t") if sign in rows[0]), None)
+    header = _cells(rows[0], delimiter)
+    if all(_is_number(cell) for cell in header):
+        header, rows = _commented_header(path, lines, len(header), delimiter), ["", *rows]
+    values = [_cells(row, delimiter) for row in rows[1:]]
+    _require_table(path, header, values)
+    return pd.DataFrame([[_number(cell) for cell in row] for row in values], columns=header)
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    cells = line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
+    return [cell.strip() for cell in cells]
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+def _is_number(cell: str) -> bool:
+    return np.isfinite(_number(cell)) or cell.lower() in ("nan", "inf", "-inf")
+
+
+def _commented_header(path: Path, lines: list[str], count: int, delimiter: str | None) -> list[str]:
+    comments = [_cells(line.lstrip("# "), delimiter) for line in lines if line.startswith("#")]
+    fitting = [cells for cells in comments if len(cells) == count and not any(map(_is_number, cells))]
+    if not fitting:
+        raise ImportedError(f"{path}: has no header, its first line is {count} numbers; write one above it, such as u,F.")
+    return fitting[-1]
+
+
+def _require_table(path: Path, header: list[str], values: list[list[str]]) -> None:
+    if not values:
+        raise ImportedError(f"{path}: has no rows under its header {', '.join(header)}; give one for each state.")
+    for number, row in enumerate(values, 1):
+        if len(row) != len(header):
+            said = f"row {number} has {len(row)} cells and the header {len(header)} ({_listed(header)})"
+            raise ImportedError(f"{path}: {said}; correct it, and write decimals with a point.")
+    if len(set(header)) < len(header):
+        raise ImportedError(f"{path}: names a column twice ({_listed(header)}); rename one.")
+
+
+def _listed(names: Iterable[object]) -> str:
+    known = list(map(str, names))
+    more = f" and {len(known) - _MOST_SHOWN} more" if len(known) > _MOST_SHOWN else ""
+    return ", ".join(known[:_MOST_SHOWN]) + more
+
+
+def read_path(path: Path) -> np.ndarray:
+    """Crack path (n, 2) of a CSV file with the columns x and y, from the start of the crack to its tip [length]."""
+    table = read_table(path)
+    if not {"x", "y"} <= set(table.columns):
+        raise ImportedError(f"{path}: has no columns x and y; it has {_listed(table.columns)}.")
+    points = table[["x", "y"]].to_numpy(dtype=float)
+    bad = ~np.isfinite(points).all(axis=1)
+    if bad.any():
+        raise ImportedError(f"{path}: row {int(bad.argmax()) + 1} has no finite x and y; correct or remove it.")
+    return points
+
+
+# ------------------------------------------------------------------------------------------------ mapping
+
+
+def mapped(table: pd.DataFrame, mapping: Mapping, case: Case, file: str) -> pd.DataFrame:
+    """The history that a table tells, in the units of a case: mapped columns, and those that have their names already.
+
+    What follows from others is added: the external work of a quasi-static case from F and u, and that it has no kinetic
+    energy; the other columns of a history that are not there are NaN.
+
+    Raises
+    ------
+    ImportedError : a column is missing, of another unit or not finite, or the time does not grow
+    """
+    columns: dict[str, np.ndarray] = {}
+    for target, source in {**_named(table, case), **mapping.sources}.items():
+        columns[target] = _values(table, target, source, case, file)
+    _apply_words(columns, mapping, case)
+    _require_curve(columns, table, file, case)
+    return _completed(columns, case)
+
+
+def _named(table: pd.DataFrame, case: Case) -> dict[str, Source]:
+    """Columns that have a history's names, with or without a unit behind them."""
+    found = {}
+    for column in map(str, table.columns):
+        match = _WITH_UNIT.fullmatch(column)
+        if column in KINDS_OF_COLUMNS or column in (*_COUNTS, DAMAGE):
+            found[column] = Source(column)
+        elif match and match["name"] in KINDS_OF_COLUMNS:
+            found.setdefault(match["name"], Source(column, unit=match["plain"] or match["unit"]))
+        elif case.dynamics and column not in HISTORY_COLUMNS:
+            found[column] = Source(column)
+    return found
+
+
+def _values(table: pd.DataFrame, target: str, source: Source, case: Case, file: str) -> np.ndarray:
+    if source.column not in table:
+        remedy = nearest(source.column, list(map(str, table.columns)), "").partition(" (")[0]
+        said = f"has no column {source.column!r} for {target}; it has {_listed(table)}"
+        raise ImportedError(f"{file}: {said}{'; ' if remedy else ''}{remedy}.")
+    values = table[source.column].to_numpy(dtype=float)
+    bad = ~np.isfinite(values)
+    if bad.any():
+        where = f"{source.column!r} is no finite number in row {int(bad.argmax()) + 1} ({bad.sum()} of {len(bad)} rows)"
+        raise ImportedError(f"{file}: column {where}; correct or remove what is not.")
+    try:
+        factor = unit_factor(source.unit, target, case.units, bool(case.dynamics)) if source.unit else 1.0
+    except BrokenRuleError as error:
+        said = f"column {source.column!r} for {target}: {error.value or source.unit} {error.text}"
+        raise ImportedError(f"{file}: {said}; {error.remedy}.") from None
+    return values * source.factor * factor
+
+
+def _apply_words(columns: dict[str, np.ndarray], mapping: Mapping, case: Case) -> None:
+    factor = (2.0 if "half model" in mapping.words else 1.0) * (
+        case.plane.thickness if "per thickness" in mapping.words else 1.0
+    )
+    for name in FORCE_LIKE:
+        if name in columns:
+            columns[name] = columns[name] * factor
+    if DAMAGE in columns:
+        columns["c_min"] = 1.0 - columns.pop(DAMAGE)
+    elif "damage" in mapping.words and "c_min" in columns:
+        columns["c_min"] = 1.0 - columns["c_min"]
+
+
+def _require_curve(columns: dict[str, np.ndarray], table: pd.DataFrame, file: str, case: Case) -> None:
+    needed = ("time",) if case.dynamics else ("u", "F")
+    if case.dynamics and "time" not in columns and "u" in columns:
+        columns["time"] = columns["u"]
+    missing = [name for name in needed if name not in columns]
+    if missing:
+        names = " and ".join(missing)
+        example = ", ".join(f"{name} = COLUMN" for name in missing)
+        raise ImportedError(
+            f'{file}: no column is {names}; say which with a map such as "{example}"; it has {_listed(table.columns)}.'
+        )
+    if len(table) < 2:
+        raise ImportedError(f"{file}: has one row, of which there is no curve; give one for each state.")
+    times = columns.get("time", np.zeros(2))
+    fall = np.diff(times) < 0
+    if fall.any():
+        row = int(fall.argmax()) + 2
+        said = f"the time falls in row {row}, from {times[row - 2]:g} to {times[row - 1]:g}"
+        raise ImportedError(f"{file}: {said}; sort the rows or give one run alone.")
+
+
+def _completed(columns: dict[str, np.ndarray], case: Case) -> pd.DataFrame:
+    count = len(next(iter(columns.values())))
+    if case.dynamics:
+        columns.setdefault("u", columns["time"])
+    else:
+        columns.setdefault("E_kin", np.zeros(count))
+        u, F = columns["u"], columns["F"]
+        work = np.concatenate([[0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(u))])
+        columns.setdefault("W_ext", work)
+        columns.setdefault("time", np.arange(count, dtype=float))
+    columns["step"] = np.arange(count)
+    for name in _COUNTS:
+        columns.setdefault(name, np.zeros(count))
+    further = [name for name in columns if name not in HISTORY_COLUMNS]
+    return pd.DataFrame(columns, columns=[*HISTORY_COLUMNS, *further])
