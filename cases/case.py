@@ -52,11 +52,15 @@ class Case(CaseDescription):
         """First 16 hexadecimal digits of the SHA-256 of what is computed.
 
         Equal hashes mean equal computations: prose, references, checks and the other runs do not enter, so
-        that results can be judged anew without computing again; mesh files enter with their content.
+        that results can be judged anew without computing again; mesh files and tables of ground motion enter with their
+        content.
         """
         tables = self.model_dump(mode="json", exclude=_NOT_HASHED)
         for name, body in self.bodies.items():
             if body.mesh:
                 tables["bodies"][name]["mesh"] = hashlib.sha256(body.mesh.read_bytes()).hexdigest()
+        if self.dynamics and self.dynamics.ground and self.dynamics.ground.table:
+            content = self.dynamics.ground.table.read_bytes()
+            tables["dynamics"]["ground"]["table"] = hashlib.sha256(content).hexdigest()
         tables["solver"] = self.run_spec(self.run).solver if self.run else None
         return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]

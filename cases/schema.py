@@ -18,6 +18,7 @@ from cases.loading import AT_REST, Constraint, Contact, Dynamics, Load, Traction
 from cases.material import Material
 from cases.notches import CellsNotch, Notch
 from cases.output import Output
+from cases.rocking import Rocking
 from cases.studies import Chart, Map
 from cases.table import Name, Table, only_known
 from cases.units import Length, Units
@@ -55,6 +56,7 @@ class CaseDescription(Table):
     dynamics: Dynamics | None = None
     tractions: tuple[Traction, ...] = ()
     contact: Contact = Contact()
+    rocking: Rocking | None = None
     mesh: Mesh
     mpm: Mpm = Mpm()
     staggered: Staggered = Staggered()

@@ -26,16 +26,23 @@ class Solver:
     quasi_static, dynamic : "module:attribute" of the class that takes a case; imported on use
     describe : "module:attribute" of the function from a case to its ``numerics.description.Description``
     by_points : its state is seen at points that move over a grid, not on a mesh
+    of_rigid_block : it knows a rigid block that rocks and nothing else; `quasi_static` is empty
     """
 
     name: str
     title: str
     shown: str
-    line: str
+    line: str | tuple[int, tuple[int, ...]]
     quasi_static: str
     dynamic: str
     describe: str
     by_points: bool = False
+    of_rigid_block: bool = False
+
+
+def _of_rigid_block(name: str, title: str, line: str | tuple[int, tuple[int, ...]], made_by: str) -> Solver:
+    described = "rigid_block:describe"
+    return Solver(name, title, "the block and the ground", line, "", f"rigid_block:{made_by}", described, of_rigid_block=True)
 
 
 #: in the order in which they are shown; the first one is the reference
@@ -50,6 +57,9 @@ SOLVERS: dict[str, Solver] = {
             "mpm", "PF-MPM", "PF-MPM grid and points", "--",
             "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", by_points=True,
         ),
+        _of_rigid_block("pendulum", "pendulum", "-.", "PendulumMotion"),
+        _of_rigid_block("pendulum_linear", "linear pendulum", ":", "LinearPendulumMotion"),
+        _of_rigid_block("winkler", "Winkler", (0, (5, 1)), "WinklerMotion"),
     )
 }  # fmt: skip
 

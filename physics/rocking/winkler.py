@@ -21,12 +21,8 @@ from numba import njit
 
 from physics.rocking.block import Block
 from physics.rocking.ground import GroundMotion, acceleration
-from physics.rocking.motion import OVERTURNED, RockingMotion, verdict_of
+from physics.rocking.motion import IMPACT_ANGLE, OVERTURNED, SAFE_IMPACTS, RockingMotion, verdict_of
 
-#: an impact is a change of the angle's sign that goes on beyond this [degrees]
-IMPACT_ANGLE = 0.1
-#: impacts of the free motion after which a block that still stands is safe (thesis 7.3.2.1)
-SAFE_IMPACTS = 2
 #: time that is followed after the ground has come to rest [s]
 PATIENCE = 15.0
 #: step of the integration over the smallest period of the block on its springs
@@ -39,7 +35,7 @@ class Foundation:
 
     Attributes
     ----------
-    stiffness : k of the vertical springs per length of the base [N/m²]. damping : c of the dampers [N s/m²].
+    stiffness : k of the vertical springs per length of the base, force per area and depth of the slice [N/m²]. damping : c of the dampers [N s/m²].
     friction : Coulomb's coefficient.
     tangential_stiffness : K of the whole base [N/m]; tangential_damping : C [N s/m].
     """
@@ -64,6 +60,22 @@ def half_space(
     return Foundation(
         stiffness, math.sqrt(density * pressure), friction, stiffness * width, width * math.sqrt(density * shear)
     )
+
+
+def half_space_stiffness(mode: str, young: float, poisson: float, width: float, thickness: float = 1.0) -> float:
+    """k [force per area and depth, N/m³] of a rigid rectangle on an elastic half-space (Pais and Kausel 1988).
+
+    mode : "vertical" motion, or "rocking" about the axis along the thickness; as distributed springs of the same
+    resultant. ``young`` [Pa], ``width`` along the ground's motion and ``thickness`` [m].
+    """
+    b, l = 0.5 * width, 0.5 * thickness  # noqa: E741  as in the source
+    compliance = 2.0 * (1.0 + poisson) * (1.0 - poisson) / young  # (1 - nu) / G
+    short, long = min(b, l), max(b, l)
+    if mode == "vertical":
+        return short / compliance * (3.1 * (long / short) ** 0.75 + 1.6) / (4.0 * b * l)
+    about_long, about_short = 3.2 * long / short + 0.8, 3.73 * (long / short) ** 2.4 + 0.27
+    rocking = short**3 / compliance * (about_long if b <= l else about_short)
+    return rocking / (4.0 * b * l * b**2 / 3.0)
 
 
 class _Constants(NamedTuple):
@@ -130,8 +142,10 @@ class WinklerBlock:
         """
         last = ground.end + PATIENCE
         rows, impacts, overturned = _respond(self._constants, ground, self.time_step, last, stop_when_settled, every)
-        verdict = verdict_of(overturned, len(impacts))
-        return RockingMotion(rows[:, 0], -rows[:, 1], -rows[:, 2], verdict, float(rows[-1, 0]), impacts)
+        verdict, place, velocity = verdict_of(overturned, len(impacts)), rows[:, 1:3], rows[:, 4:6]
+        return RockingMotion(
+            rows[:, 0], -rows[:, 3], -rows[:, 6], verdict, float(rows[-1, 0]), impacts, place, velocity
+        )  # fmt: skip
 
 
 @njit(cache=True)
@@ -201,10 +215,10 @@ def _rate_of(c, ground, time, s):
 
 @njit(cache=True)
 def _respond(c, ground, step, last, stop_when_settled, every):
-    """Rows of time, angle, rate (n, 3); times of impacts; whether the block falls."""
+    """Rows of time and state (n, 7); times of impacts; whether the block falls."""
     rest = c.h - c.mass * c.gravity / (2.0 * c.b * c.k)
     s = _State(0.0, rest, 0.0, 0.0, 0.0, 0.0, 0.0)
-    rows, impacts, free_impacts, side = [(0.0, 0.0, 0.0)], [0.0 for _ in range(0)], 0, 0.0
+    rows, impacts, free_impacts, side = [(0.0, s.x, s.y, s.angle, s.vx, s.vy, s.rate)], [0.0 for _ in range(0)], 0, 0.0
     crossed = 0.0
     for number in range(math.ceil(last / step)):
         time = number * step
@@ -226,9 +240,9 @@ def _respond(c, ground, step, last, stop_when_settled, every):
                 free_impacts += crossed > ground.end
             side = now
         if (number + 1) % every == 0:
-            rows.append((time, s.angle, s.rate))
+            rows.append((time, s.x, s.y, s.angle, s.vx, s.vy, s.rate))
         if abs(s.angle) >= c.fallen:
-            rows.append((time, s.angle, s.rate))
+            rows.append((time, s.x, s.y, s.angle, s.vx, s.vy, s.rate))
             return np.array(rows), impacts, True
         if stop_when_settled and free_impacts >= SAFE_IMPACTS:
             break
