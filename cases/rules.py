@@ -220,7 +220,8 @@ def _rocking_is_of_a_block(case: CaseDescription) -> None:
     ratio = ground and next((key for key in ("uplift_ratio", "frequency_ratio") if getattr(ground, key)), None)
     if case.rocking is None:
         if rigid or ratio:
-            raise BrokenRuleError(f"is missing, which {rigid or ratio} needs", "name the body that rocks in it", "rocking")
+            text = f"is missing, which {rigid or ratio} needs"
+            raise BrokenRuleError(text, "name the body that rocks in it", "rocking")
         return
     names = list(case.bodies)
     _defined(case.rocking.body, names, "rocking.body", "body")

@@ -41,8 +41,8 @@ class Solver:
 
 
 def _of_rigid_block(name: str, title: str, line: str | tuple[int, tuple[int, ...]], made_by: str) -> Solver:
-    described = "rigid_block:describe"
-    return Solver(name, title, "the block and the ground", line, "", f"rigid_block:{made_by}", described, of_rigid_block=True)
+    made_by, described = f"rigid_block:{made_by}", "rigid_block:describe"
+    return Solver(name, title, "the block and the ground", line, "", made_by, described, of_rigid_block=True)
 
 
 #: in the order in which they are shown; the first one is the reference

@@ -176,8 +176,9 @@ class _TimeMarch:
         self.size = (self.end - self.start) / self.n_steps
         evenly = np.linspace(0, self.n_steps, min(case.output.records, self.n_steps) + 1)
         times = [t for t in (*case.snapshots, *case.frame_times) if t <= self.end]
+        reached = (int(np.ceil((t - self.start) / self.size * (1.0 - 1e-12))) for t in times)
         #: steps after which the state is told, snapshots and frames at the first step that reaches their time
-        self.told = {*map(int, np.round(evenly)), *(int(np.ceil((t - self.start) / self.size * (1.0 - 1e-12))) for t in times)}
+        self.told = {*map(int, np.round(evenly)), *reached}
         self.started = time.perf_counter() - (after.seconds if after else 0.0)
         self.energy_at_start = after.energy_at_start if after else discretisation.balance().total
 

@@ -63,7 +63,7 @@ def missing(instant: Any) -> float:
 def test_a_ground_motion_that_is_none_is_refused(tmp_path: Path, ground: dict[str, Any], said: str) -> None:
     for name, rows in {"motion": "0,0\n1,2", "back": "0,0\n1,2\n0.5,1", "infinite": "0,0\n1,inf"}.items():
         (tmp_path / f"{name}.csv").write_text(f"time,acceleration\n{rows}\n")
-    with pytest.raises(CaseError, match="case.toml") as refused:
+    with pytest.raises(CaseError, match=r"case\.toml") as refused:
         block_case(tmp_path, {"ground": ground})
     assert said in str(refused.value).replace("'", "")
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-#: shapes of a pulse: a cycle of "sine" and "cosine" is a whole period, of "half_sine" half of one; "ricker" is the wavelet
-#: about the middle of one period, cut where it has fallen below 4e-3 of its height
+#: shapes of a pulse: a cycle of "sine" and "cosine" is a whole period, of "half_sine" half of one; "ricker" is the
+#: wavelet about the middle of one period, cut where it has fallen below 4e-3 of its height
 PULSES = ("sine", "half_sine", "cosine", "ricker")
 RECORD = len(PULSES)
 

@@ -67,23 +67,22 @@ def impacts_of(time: ArrayLike, angle: ArrayLike) -> list[float]:
     """Times at which an angle over time (n,) [rad] changes its sign and goes on beyond `IMPACT_ANGLE`."""
     times, angles = np.asarray(time, dtype=float), np.asarray(angle, dtype=float)
     beyond = np.flatnonzero(np.abs(angles) > math.radians(IMPACT_ANGLE))
+    changes = np.flatnonzero(angles[beyond[:-1]] * angles[beyond[1:]] < 0.0)
     found = []
-    for before, after in zip(beyond, beyond[1:], strict=False):
-        if angles[before] * angles[after] < 0.0:
-            # the last zero on the way
-            inside = angles[before : after + 1]
-            last = before + np.flatnonzero(inside[:-1] * inside[after - before] <= 0.0)[-1]
-            share = angles[last] / (angles[last] - angles[last + 1])
-            found.append(float(times[last] + share * (times[last + 1] - times[last])))
+    for before, after in zip(beyond[changes], beyond[changes + 1], strict=True):
+        # the last zero on the way
+        last = before + np.flatnonzero(angles[before:after] * angles[after] <= 0.0)[-1]
+        share = angles[last] / (angles[last] - angles[last + 1])
+        found.append(float(times[last] + share * (times[last + 1] - times[last])))
     return found
 
 
 def settled_verdict(block: Block, ground_end: float, time: ArrayLike, angle: ArrayLike, rate: float) -> Verdict | None:
     """The verdict on a motion so far, None where it is still open.
 
-    It is settled where the block has fallen; or the ground rests, and the block has met it `SAFE_IMPACTS` times since then, or moves
-    outward with more energy than the barrier where its centre stands over the corner, by `MARGIN`: the base of a block
-    that deforms is not quite its width.
+    It is settled where the block has fallen; or the ground rests, and the block has met it `SAFE_IMPACTS` times since
+    then, or moves outward with more energy than the barrier where its centre stands over the corner, by `MARGIN`: the
+    base of a block that deforms is not quite its width.
 
     Parameters
     ----------

@@ -86,8 +86,8 @@ def ground_motion(case: Case, uplift: float | None = None) -> GroundMotion:
     first, last = float(times[0]), float(times[-1])
     if not first <= ground.cut[0] < ground.cut[1] <= last:
         raise CaseError(
-            f"{case.source}: dynamics.ground.cut = {list(ground.cut)}: leaves the motion, which is from {first:g} to {last:g};"
-            " give times inside."
+            f"{case.source}: dynamics.ground.cut = {list(ground.cut)}: leaves the motion, which is from {first:g} to"
+            f" {last:g}; give times inside."
         )
     return cut(motion, ground.cut[0] - first, ground.cut[1] - first)
 

@@ -100,8 +100,11 @@ class Pendulum:
         """Place and velocity (n, 2) of the block's centre as it turns about its corners."""
         side, radius = np.sign(angle), self.block.half_diagonal
         lever = self.block.slenderness - np.abs(angle)
-        place = np.column_stack([side * (0.5 * self.block.width - radius * np.sin(lever)), radius * np.cos(lever)])
-        velocity = radius * rate[:, None] * np.column_stack([np.cos(lever), side * np.sin(lever)])
+        across, up, slope = np.sin(lever), np.cos(lever), np.cos(lever)
+        if self.linear:
+            across, up, slope = lever, 1.0 - 0.5 * lever**2, np.ones_like(lever)
+        place = np.column_stack([side * (0.5 * self.block.width - radius * across), radius * up])
+        velocity = radius * rate[:, None] * np.column_stack([slope, side * across])
         return place, velocity
 
 

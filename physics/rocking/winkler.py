@@ -35,7 +35,8 @@ class Foundation:
 
     Attributes
     ----------
-    stiffness : k of the vertical springs per length of the base, force per area and depth of the slice [N/m²]. damping : c of the dampers [N s/m²].
+    stiffness : k of the vertical springs, force per area of the base and depth [N/m³]. damping : c of the dampers, the
+        same per velocity [N s/m³].
     friction : Coulomb's coefficient.
     tangential_stiffness : K of the whole base [N/m]; tangential_damping : C [N s/m].
     """
@@ -124,6 +125,11 @@ class WinklerBlock:
         # a corner lifts with the block's mass and its inertia
         omega = math.sqrt(4.0 * fastest / self.block.mass)
         return STEP_SHARE * 2.0 * math.pi / omega
+
+    @property
+    def uplift_acceleration(self) -> float:
+        """Acceleration that lifts the same block off a rigid ground, the unit of amplitudes [m/s²]."""
+        return self.block.uplift_acceleration
 
     @property
     def _constants(self) -> _Constants:
