@@ -15,11 +15,11 @@ from numerics.description import Description
 from numerics.explicit import Balance
 from numerics.fields import Fields
 from physics.rocking.motion import RockingMotion
-from physics.rocking.of_case import block_of, ground_motion, pendulum_of, winkler_of
+from physics.rocking.of_case import block_of, ground_motion
 from physics.rocking.pendulum import Pendulum
 from physics.rocking.winkler import WinklerBlock
 from rigid_block.pictures import picture
-from rigid_block.verdicts import borders_of, named_borders
+from rigid_block.verdicts import borders_of, model_of, named_borders
 
 #: rows of the Winkler model's motion over the longest time that is told
 MOST_ROWS = 200_000
@@ -32,20 +32,17 @@ class _RigidBlockMotion:
     base and impacts have taken, or the springs hold, follows from the balance.
     """
 
-    linear: ClassVar[bool] = False
+    solver: ClassVar[str]
 
     def __init__(self, case: Case) -> None:
         assert case.dynamics is not None and case.rocking is not None
         self.case, self.costs, self.block = case, Costs(), block_of(case)
-        self.model = self._model()
+        self.model = model_of(case, self.solver)
         self.ground = ground_motion(case, self.model.uplift_acceleration)
         self._now = case.dynamics.start_time
         self.motion = self._respond()
         self._work = self._work_until()
         self.costs.count.update(points=1, cells=1, unknowns_displacement=3, rows=len(self.motion.time))
-
-    def _model(self) -> Pendulum | WinklerBlock:
-        return pendulum_of(self.case, self.linear)
 
     def _respond(self) -> RockingMotion:
         return self.model.respond(self.ground, stop_when_settled=False)
@@ -130,6 +127,8 @@ class _RigidBlockMotion:
 class PendulumMotion(_RigidBlockMotion):
     """Housner's block on a rigid base."""
 
+    solver = "pendulum"
+
     def _kinetic(self) -> float:
         inertia = self.block.inertia + self.block.mass * self.block.half_diagonal**2
         return 0.5 * inertia * self.case.plane.thickness * self._at(self.motion.rate) ** 2
@@ -152,14 +151,13 @@ class PendulumMotion(_RigidBlockMotion):
 class LinearPendulumMotion(PendulumMotion):
     """The same for small angles."""
 
-    linear = True
+    solver = "pendulum_linear"
 
 
 class WinklerMotion(_RigidBlockMotion):
     """A rigid block on one-sided springs and dampers with friction."""
 
-    def _model(self) -> WinklerBlock:
-        return winkler_of(self.case)
+    solver = "winkler"
 
     def _respond(self) -> RockingMotion:
         assert isinstance(self.model, WinklerBlock) and self.case.dynamics is not None
@@ -175,6 +173,6 @@ def _interval(case: Case) -> float:
 def describe(case: Case) -> Description:
     """One body of three unknowns at most, told as often as it is recorded."""
     return Description(
-        basis="a rigid block", fine="no mesh", cells=1, points=1, unknowns_displacement=3, unknowns_phase_field=0, order=1,
-        rigid=1.0, stable_step=_interval(case),
+        basis="a rigid block", fine="no mesh", cells=1, points=1, unknowns_displacement=3, unknowns_phase_field=0,
+        order=1, rigid=1.0, stable_step=_interval(case),
     )  # fmt: skip

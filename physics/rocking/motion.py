@@ -19,6 +19,8 @@ IMPACT_ANGLE = 0.1
 SAFE_IMPACTS = 2
 #: energy over the barrier with which the fall of a block that deforms is settled, as a share of the barrier
 MARGIN = 0.05
+#: and the angle, over that at which the centre stands over the corner
+NO_RETURN = 1.5
 
 
 class Verdict(StrEnum):
@@ -81,8 +83,8 @@ def settled_verdict(block: Block, ground_end: float, time: ArrayLike, angle: Arr
     """The verdict on a motion so far, None where it is still open.
 
     It is settled where the block has fallen; or the ground rests, and the block has met it `SAFE_IMPACTS` times since
-    then, or moves outward with more energy than the barrier where its centre stands over the corner, by `MARGIN`: the
-    base of a block that deforms is not quite its width.
+    then, or moves outward beyond `NO_RETURN` or with more energy than the barrier where its centre stands over the
+    corner, by `MARGIN`: the base of a block that deforms is not quite its width.
 
     Parameters
     ----------
@@ -99,6 +101,7 @@ def settled_verdict(block: Block, ground_end: float, time: ArrayLike, angle: Arr
     alpha, square = block.slenderness, block.frequency**2
     energy = 0.5 * rate**2 - square * (1.0 - math.cos(alpha - abs(last)))
     outward = last * rate > 0.0 and abs(last) > math.radians(IMPACT_ANGLE)
-    if outward and energy > MARGIN * square * (1.0 - math.cos(alpha)):
+    beyond = abs(last) > NO_RETURN * alpha or energy > MARGIN * square * (1.0 - math.cos(alpha))
+    if outward and beyond:
         return verdict_of(True, len(impacts))
     return None

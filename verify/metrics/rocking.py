@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ def verdict_on(run: RunData) -> Verdict:
     barrier = block.frequency**2 * (1.0 - math.cos(block.slenderness - abs(angle[-1])))
     if time[-1] >= ground_end and abs(angle[-1]) < block.slenderness and 0.5 * rate[-1] ** 2 < barrier:
         return Verdict.SAFE
-    raise MetricError(f"{run_name(run)}: ends at t = {time[-1]:g} before it is known whether the body falls; run it longer")
+    raise MetricError(f"{run_name(run)}: whether the body falls is open at its end, t = {time[-1]:g}; run it longer")
 
 
 @metric("number", "what becomes of the body that rocks: 0 safe, 1 overturned after impacts, 2 without impact")
@@ -104,6 +105,22 @@ def first_impact_time(run: RunData) -> float:
     return found[0]
 
 
+@metric("number", "energy at the second peak of free rocking over that at the first")
+def energy_kept(run: RunData) -> float:
+    """What an impact leaves, as a rigid block's potential energy at the largest angles before and after it."""
+    time, angle, _ = rocking_of(run)
+    block, start = block_of(run.case), ground_motion(run.case).end
+    ends = np.searchsorted(time, [*impacts_of(time, angle), math.inf])
+    size, peaks = np.abs(angle), []
+    for first, last in pairwise(ends):
+        row = int(first) + int(size[first:last].argmax())
+        if time[row] > start and first < row < last - 1:
+            peaks.append(math.cos(block.slenderness - size[row]) - math.cos(block.slenderness))
+    if len(peaks) < 2:
+        raise MetricError(f"{run_name(run)}: has no two peaks of free rocking with an impact between; run it longer")
+    return peaks[1] / peaks[0]
+
+
 @metric("time", "when the body lies")
 def overturning_time(run: RunData) -> float:
     """First time at which the angle is that from which on a body counts as overturned."""
@@ -128,8 +145,7 @@ def tilt(run: RunData, *, start: float, end: float) -> float:
 def support_error(run: RunData, *, start: float, end: float) -> float:
     """Mean vertical force of contact between two times, less the change of momentum, against the weight."""
     case, body, block = run.case, rocking_body(run.case), block_of(run.case)
-    impulse, momentum = (
-        at_time(run, f"{body}_{name}_y", end) - at_time(run, f"{body}_{name}_y", start) for name in ("impulse", "momentum")
-    )
+    columns = [f"{body}_{name}_y" for name in ("impulse", "momentum")]
+    impulse, momentum = (at_time(run, name, end) - at_time(run, name, start) for name in columns)
     weight = block.mass * case.plane.thickness * block.gravity
     return abs((impulse - momentum) / (end - start) / weight - 1.0)
