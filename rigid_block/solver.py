@@ -22,7 +22,7 @@ from rigid_block.pictures import picture
 from rigid_block.verdicts import borders_of, model_of, named_borders
 
 #: rows of the Winkler model's motion over the longest time that is told
-MOST_ROWS = 200_000
+MOST_ROWS = 20_000
 
 
 class _RigidBlockMotion:
@@ -161,8 +161,9 @@ class WinklerMotion(_RigidBlockMotion):
 
     def _respond(self) -> RockingMotion:
         assert isinstance(self.model, WinklerBlock) and self.case.dynamics is not None
-        every = math.ceil(self.case.dynamics.end_time / (MOST_ROWS * self.model.time_step))
-        return self.model.respond(self.ground, stop_when_settled=False, every=every)
+        end = self.case.dynamics.end_time
+        every = math.ceil(end / (MOST_ROWS * self.model.time_step))
+        return self.model.respond(self.ground, stop_when_settled=False, every=every, until=end)
 
 
 def _interval(case: Case) -> float:

@@ -40,7 +40,7 @@ class GroundMotion(NamedTuple):
 
     def acceleration(self, times: ArrayLike) -> NDArray[np.float64]:
         """Acceleration (n,) [m/s²] at times (n,) [s]."""
-        return np.array([acceleration(self, time) for time in np.atleast_1d(np.asarray(times, dtype=float))])
+        return _accelerations(self, np.atleast_1d(np.asarray(times, dtype=float)))
 
 
 def pulse(shape: str, amplitude: float, circular_frequency: float, cycles: int = 1) -> GroundMotion:
@@ -80,6 +80,14 @@ def acceleration(ground, time):
         square = (2.0 * math.pi * (phase - 0.5)) ** 2
         return ground.amplitude * (1.0 - square) * math.exp(-0.5 * square)
     return np.interp(time, ground.times, ground.accelerations)
+
+
+@njit(cache=True)
+def _accelerations(ground, times):
+    found = np.empty(len(times))
+    for number, time in enumerate(times):
+        found[number] = acceleration(ground, time)
+    return found
 
 
 def response_spectrum(

@@ -140,13 +140,15 @@ class WinklerBlock:
             math.radians(OVERTURNED), math.radians(IMPACT_ANGLE),
         )  # fmt: skip
 
-    def respond(self, ground: GroundMotion, stop_when_settled: bool = True, every: int = 1) -> RockingMotion:
+    def respond(
+        self, ground: GroundMotion, stop_when_settled: bool = True, every: int = 1, until: float | None = None
+    ) -> RockingMotion:
         """The motion from rest on the ground under a ground motion.
 
         stop_when_settled : end after `SAFE_IMPACTS` impacts of the free motion, or where the block has fallen
-        every : steps between the rows that are kept
+        every : steps between the rows that are kept. until : time at which it ends at the latest [s]
         """
-        last = ground.end + PATIENCE
+        last = min(ground.end + PATIENCE, math.inf if until is None else until)
         rows, impacts, overturned = _respond(self._constants, ground, self.time_step, last, stop_when_settled, every)
         verdict, place, velocity = verdict_of(overturned, len(impacts)), rows[:, 1:3], rows[:, 4:6]
         return RockingMotion(
