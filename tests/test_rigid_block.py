@@ -166,3 +166,23 @@ def test_a_rigid_solver_needs_the_table_rocking(tmp_path):
     }  # fmt: skip
     with pytest.raises(CaseError, match="'rocking' is missing, which pendulum needs"):
         case_from_tables(tables, "standard", "pendulum")
+
+
+def test_a_map_tells_what_becomes_of_the_block_and_where_theory_has_the_border(tmp_path):
+    text = load_case("rocking_pendulum", "quick").source.read_text()
+    diagram = (
+        '[maps.diagram]\nrun = "pendulum"\nborders = ["winkler"]\nbisections = 3\nlogarithmic = false\n'
+        'change = { rocking = { borders = [2.0, 3.0] } }\n'
+        'x = { "dynamics.ground.uplift_ratio" = [2.0, 4.0] }\ny = { "dynamics.ground.frequency_ratio" = [5.0] }\n'
+    )
+    file = tmp_path / "block" / "case.toml"
+    file.parent.mkdir()
+    file.write_text(f"{text}{diagram}[contact]\nfriction = 0.625\n")
+    with pytest.raises(SystemExit) as ended:
+        main(["stability", str(file), "--tier", "quick", "--out", str(tmp_path)])
+    assert not ended.value.code
+    folder = tmp_path / "maps" / "block" / "quick"
+    table, found = pd.read_csv(folder / "diagram.csv"), pd.read_csv(folder / "diagram-borders.csv")
+    assert set(table["verdict"]) == {"safe", "overturned after impacts"} and len(table) == 5
+    assert found["measured"].item() == pytest.approx(2.883, abs=0.13)
+    assert found["border"].item() == "winkler" and found["theory"].item() == pytest.approx(2.532, rel=5e-3)
