@@ -26,8 +26,8 @@ class BlewUpError(RuntimeError):
 class Balance:
     """Energies [energy] and momentum (2,) [force time] of a moving discretisation.
 
-    ``external_work`` is that of tractions, gravity, the moving frame, damping and prescribed motions since the start; ``external_power`` is
-    its present rate; ``contact_work`` is that of friction between the bodies, at most zero.
+    ``external_work`` is that of tractions, gravity, the moving frame, damping and prescribed motions since the start;
+    ``external_power`` is its present rate; ``contact_work`` is that of friction between the bodies, at most zero.
     """
 
     elastic: float
