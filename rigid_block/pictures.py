@@ -18,15 +18,12 @@ def picture(case: Case, centre: NDArray, angle: float) -> Fields:
     The body that rocks has its centre at ``centre`` (2,) [length] and is turned by ``angle`` [rad]; the others stand.
     """
     assert case.rocking is not None
-    names, nodes, cells, middles, volume, body = list(case.bodies), [], [], [], [], []
-    for number, each in enumerate(case.bodies.values()):
-        corners, quads = _raster(*each.bounds())
-        cells.append(quads + sum(map(len, nodes)))
-        nodes.append(corners)
-        middles.append(corners[quads].mean(axis=1))
-        area = np.prod(np.subtract(*each.bounds()[::-1])) / len(quads)
-        volume.append(np.full(len(quads), area * case.plane.thickness))
-        body.append(np.full(len(quads), number))
+    names, boxes = list(case.bodies), [body.bounds() for body in case.bodies.values()]
+    nodes, quads = map(list, zip(*(_raster(*box) for box in boxes), strict=True))
+    first_nodes = np.cumsum([0, *(len(corners) for corners in nodes)])
+    middles = [corners[cells].mean(axis=1) for corners, cells in zip(nodes, quads, strict=True)]
+    counts = [len(cells) for cells in quads]
+    areas = [float(np.prod(box[1] - box[0])) / count for box, count in zip(boxes, counts, strict=True)]
     rocks = names.index(case.rocking.body)
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.array([[cosine, -sine], [sine, cosine]])
@@ -36,15 +33,16 @@ def picture(case: Case, centre: NDArray, angle: float) -> Fields:
         each = [(p - first) @ turn.T + centre - p if n == rocks else np.zeros_like(p) for n, p in enumerate(places)]
         return np.vstack(each)
 
-    of_body = np.concatenate(body)
+    of_body = np.repeat(np.arange(len(names)), counts)
     count, displacement = len(of_body), moved(middles)
+    cells = np.vstack([each + first_node for each, first_node in zip(quads, first_nodes, strict=False)])
     gradient = np.where((of_body == rocks)[:, None], (turn - np.eye(2)).ravel(), 0.0)
-    reference, whole = np.vstack(middles), np.ones(count)
+    reference, volume = np.vstack(middles), case.plane.thickness * np.repeat(areas, counts)
     return Fields(
-        points=reference + displacement, reference=reference, volume=np.concatenate(volume), displacement=displacement,
-        gradient=gradient, phase_field=whole, history_field=np.zeros(count), stress=np.zeros((count, 3)),
-        energy_density=np.zeros(count), body=of_body, grid_points=np.vstack(nodes), grid_cells=np.vstack(cells),
-        grid_displacement=moved(nodes), grid_phase_field=np.ones(sum(map(len, nodes))),
+        points=reference + displacement, reference=reference, volume=volume, displacement=displacement,
+        gradient=gradient, phase_field=np.ones(count), history_field=np.zeros(count), stress=np.zeros((count, 3)),
+        energy_density=np.zeros(count), body=of_body, grid_points=np.vstack(nodes), grid_cells=cells,
+        grid_displacement=moved(nodes), grid_phase_field=np.ones(first_nodes[-1]),
         broken_at=np.full(count, np.nan),
     )  # fmt: skip
 
