@@ -220,11 +220,12 @@ def borders(
     from rigid_block.verdicts import borders_of, model_of
 
     base, rows = load_case(case, tier), []
+    asked: list[float | None] = [*ratios] if ratios else [None]
     for name in selected_runs(base, run_names):
         solver = base.run_spec(name).solver
         if not SOLVERS[solver].of_rigid_block:
             continue
-        for ratio in ratios or [None]:
+        for ratio in asked:
             change = {"rocking": {"borders": []}, "dynamics": {"ground": {"frequency_ratio": ratio}}} if ratio else {}
             loaded = load_case(case, tier, name, change)
             found = borders_of(loaded, model_of(loaded, solver))

@@ -134,11 +134,22 @@ def overturning_time(run: RunData) -> float:
 @metric("degree", "largest angle")
 def tilt(run: RunData, *, start: float, end: float) -> float:
     """Largest size of the angle between two times."""
+    return float(np.abs(_degrees_between(run, start, end)).max())
+
+
+@metric("degree", "angle about which the body swings")
+def mean_tilt(run: RunData, *, start: float, end: float) -> float:
+    """Size of the mean angle between two times, of whole periods if the body swings on an elastic ground."""
+    return abs(float(_degrees_between(run, start, end).mean()))
+
+
+def _degrees_between(run: RunData, start: float, end: float) -> NDArray[np.float64]:
+    """The angles recorded between two times [degrees]."""
     time, angle, _ = rocking_of(run)
     inside = (time >= start - 1e-12) & (time <= end + 1e-12)
     if not inside.any():
         raise MetricError(f"{run_name(run)}: records nothing from t = {start:g} to {end:g}")
-    return float(np.degrees(np.abs(angle[inside]).max()))
+    return np.degrees(angle[inside])
 
 
 @metric("number", "relative error of the force that carries the body's weight")
