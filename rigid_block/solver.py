@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cases import Case
 from numerics.costs import Costs
@@ -48,12 +48,16 @@ class _RigidBlockMotion:
         return self.model.respond(self.ground, stop_when_settled=False)
 
     def _work_until(self) -> NDArray:
-        """Work (n,) of gravity and the moving frame since the start, by the trapezoidal rule [energy]."""
+        """Work (n,) of gravity and the moving frame since the start, by the trapezoidal rule [energy].
+
+        It is no less than what the block holds, which the rule may miss where both nearly vanish.
+        """
         motion, block = self.motion, self.block
         push = -self.ground.acceleration(motion.time) * motion.velocity[:, 0]
         steps = np.diff(motion.time) * 0.5 * (push[1:] + push[:-1])
         pushed = np.concatenate([[0.0], np.cumsum(steps)])
-        return self._mass * (pushed - block.gravity * (motion.place[:, 1] - motion.place[0, 1]))
+        work = self._mass * (pushed - block.gravity * (motion.place[:, 1] - motion.place[0, 1]))
+        return np.maximum(work, self._kinetic(motion.velocity, motion.rate))
 
     @property
     def _mass(self) -> float:
@@ -76,16 +80,17 @@ class _RigidBlockMotion:
 
     def balance(self) -> Balance:
         """Energies and momentum; ``contact_work`` is what is missing."""
-        kinetic, momentum = self._kinetic(), [self._mass * self._at(v) for v in self.motion.velocity.T]
+        velocity = np.array([self._at(v) for v in self.motion.velocity.T])
+        kinetic, momentum = float(self._kinetic(velocity, self._at(self.motion.rate))), self._mass * velocity
         work = self._at(self._work)
         push = -float(self.ground.acceleration(self._now)[0])
         power = momentum[0] * push - momentum[1] * self.block.gravity
-        return Balance(0.0, 0.0, kinetic, work, power, kinetic - work, (momentum[0], momentum[1]))
+        return Balance(0.0, 0.0, kinetic, work, power, kinetic - work, (float(momentum[0]), float(momentum[1])))
 
-    def _kinetic(self) -> float:
-        square = sum(self._at(v) ** 2 for v in self.motion.velocity.T)
-        turning = self.block.inertia / self.block.mass * self._at(self.motion.rate) ** 2
-        return 0.5 * self._mass * (square + turning)
+    def _kinetic(self, velocity: NDArray, rate: ArrayLike) -> NDArray:
+        """Kinetic energy (n,) at velocities (n, 2) of the centre and rates (n,) of the angle."""
+        turning = self.block.inertia / self.block.mass * np.square(rate)
+        return 0.5 * self._mass * ((velocity**2).sum(axis=-1) + turning)
 
     def least_phase_field(self) -> float:
         """Nothing breaks."""
@@ -129,9 +134,9 @@ class PendulumMotion(_RigidBlockMotion):
 
     solver = "pendulum"
 
-    def _kinetic(self) -> float:
+    def _kinetic(self, velocity: NDArray, rate: ArrayLike) -> NDArray:
         inertia = self.block.inertia + self.block.mass * self.block.half_diagonal**2
-        return 0.5 * inertia * self.case.plane.thickness * self._at(self.motion.rate) ** 2
+        return 0.5 * inertia * self.case.plane.thickness * np.square(rate)
 
     def measures(self) -> dict[str, float]:
         """The borders, and how well the free motion keeps its energy between impacts."""

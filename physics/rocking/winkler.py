@@ -25,6 +25,8 @@ from physics.rocking.motion import IMPACT_ANGLE, OVERTURNED, SAFE_IMPACTS, Rocki
 
 #: time that is followed after the ground has come to rest [s]
 PATIENCE = 15.0
+#: energy over rest, as a share of what lifts the centre over a corner, with which a block on a ground that rests is safe
+SAFE_ENERGY = 0.5
 #: step of the integration over the smallest period of the block on its springs
 STEP_SHARE = 1.0 / 200.0
 
@@ -94,6 +96,7 @@ class _Constants(NamedTuple):
     C: float
     fallen: float
     impact: float
+    safe: float
 
 
 class _State(NamedTuple):
@@ -138,6 +141,7 @@ class WinklerBlock:
             0.5 * block.width, 0.5 * block.height, block.mass, block.inertia, block.gravity, ground.stiffness,
             ground.damping, ground.friction, ground.tangential_stiffness, ground.tangential_damping,
             math.radians(OVERTURNED), math.radians(IMPACT_ANGLE),
+            SAFE_ENERGY * block.mass * block.gravity * (block.half_diagonal - 0.5 * block.height),
         )  # fmt: skip
 
     def respond(
@@ -145,7 +149,8 @@ class WinklerBlock:
     ) -> RockingMotion:
         """The motion from rest on the ground under a ground motion.
 
-        stop_when_settled : end after `SAFE_IMPACTS` impacts of the free motion, or where the block has fallen
+        stop_when_settled : end after `SAFE_IMPACTS` impacts of the free motion, or where the block has fallen or has less
+            energy than `SAFE_ENERGY`
         every : steps between the rows that are kept. until : time at which it ends at the latest [s]
         """
         last = min(ground.end + PATIENCE, math.inf if until is None else until)
@@ -222,6 +227,13 @@ def _rate_of(c, ground, time, s):
 
 
 @njit(cache=True)
+def _stays(c, s, rest):
+    """Whether a block whose centre is over its base has too little energy to fall, kinetic and of the height over rest."""
+    energy = 0.5 * (c.mass * (s.vx**2 + s.vy**2) + c.inertia * s.rate**2) + c.mass * c.gravity * (s.y - rest)
+    return abs(s.angle) < math.atan2(c.b, c.h) and energy < c.safe
+
+
+@njit(cache=True)
 def _respond(c, ground, step, last, stop_when_settled, every):
     """Rows of time and state (n, 7); times of impacts; whether the block falls."""
     rest = c.h - c.mass * c.gravity / (2.0 * c.b * c.k)
@@ -252,6 +264,6 @@ def _respond(c, ground, step, last, stop_when_settled, every):
         if abs(s.angle) >= c.fallen:
             rows.append((time, s.x, s.y, s.angle, s.vx, s.vy, s.rate))
             return np.array(rows), impacts, True
-        if stop_when_settled and free_impacts >= SAFE_IMPACTS:
+        if stop_when_settled and time > ground.end and (free_impacts >= SAFE_IMPACTS or _stays(c, s, rest)):
             break
     return np.array(rows), impacts, False
