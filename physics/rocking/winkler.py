@@ -228,7 +228,7 @@ def _rate_of(c, ground, time, s):
 
 @njit(cache=True)
 def _stays(c, s, rest):
-    """Whether a block whose centre is over its base has too little energy to fall, kinetic and of the height over rest."""
+    """Whether a block whose centre is over its base has too little energy, kinetic and of its height, to fall."""
     energy = 0.5 * (c.mass * (s.vx**2 + s.vy**2) + c.inertia * s.rate**2) + c.mass * c.gravity * (s.y - rest)
     return abs(s.angle) < math.atan2(c.b, c.h) and energy < c.safe
 
