@@ -11,7 +11,8 @@ from pydantic import ValidationInfo, field_validator, model_validator
 
 from cases.errors import BrokenRuleError
 from cases.files import existing_file
-from cases.geometry import Array, Bounds, Shape, mesh_outline
+from cases.geometry import Array, Bounds, Shape
+from cases.mesh_files import mesh_outline
 from cases.table import Name, Switch, Table, require_one
 from cases.units import Rate, Velocity
 

@@ -39,7 +39,9 @@ class Case(CaseDescription):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Case:
-        fit_together(self, self.applying_checks())
+        # those of the other runs are looked at with them
+        checks = [(number, check) for number, check in self.applying_checks() if self.run in (None, check.run)]
+        fit_together(self, checks)
         return self
 
     def applying_checks(self) -> list[tuple[int, Check]]:

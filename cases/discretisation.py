@@ -36,6 +36,7 @@ class Mesh(Table):
     refine : further boxes with spacings of their own, where the body's stiffness is decided rather than the crack's way
     follow_crack : enlarge the fine box, and redo the increment, where the crack has gone out of it
     element : shape of the finite elements
+    locking_free : the change of area of a quadrilateral is the same all over it (B-bar), for nearly incompressible bodies
     geometry : on which the finite elements measure strain: as meshed, or as they have moved after each increment
     under_resolved : allow h above the length scale, to study what it costs
     """
@@ -47,6 +48,7 @@ class Mesh(Table):
     refine: tuple[RefinedBox, ...] = ()
     follow_crack: Switch = False
     element: Literal["quad", "triangle"] = "quad"
+    locking_free: Switch = False
     geometry: Literal["initial", "updated"] = "initial"
     under_resolved: Switch = False
 
@@ -94,13 +96,13 @@ class Mpm(Table):
     order: Literal[1, 2, 3] = 2
     placement: Literal["gauss", "regular", "random", "rings"] = "gauss"
     points_per_cell: Annotated[Whole, Field(ge=1, le=16)] = 2
-    seed: Annotated[Whole, Field(ge=0)] = 0
+    seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 0
     constraints_on: Literal["edges", "points", "nodes"] = "edges"
     penalty: Annotated[Number, Field(gt=0)] = 1e4
     move_points: Switch = True
     strain: Literal["initial", "updated"] = "initial"
     fill_cells: Switch = True
-    margin: Annotated[Whole, Field(ge=0)] = 5
+    margin: Annotated[Whole, Field(ge=0, le=100)] = 5
     linear_solver: Literal["direct", "gmres"] = "direct"
 
 
@@ -118,9 +120,9 @@ class Staggered(Table):
     """
 
     scheme: Literal["converged", "passes"] = "converged"
-    passes: Annotated[Whole, Field(ge=1)] = 1
+    passes: Annotated[Whole, Field(ge=1, le=10_000)] = 1
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
     memory: Annotated[Whole, Field(ge=0, le=20)] = 5
-    largest_iterations: Annotated[Whole, Field(ge=1)] = 2000
+    largest_iterations: Annotated[Whole, Field(ge=1, le=1_000_000)] = 2000
     irreversible: Switch = True

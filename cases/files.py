@@ -14,19 +14,33 @@ from cases.errors import BrokenRuleError
 def existing_file(path: Path, info: ValidationInfo, what: str) -> Path:
     """Absolute path of a file that the case names.
 
-    A relative path is relative to the folder of the case, context key "folder", and stays inside it.
+    It is relative to the folder of the case, context key "folder", and stays inside it.
 
     Raises
     ------
-    BrokenRuleError : the path leaves the folder, or there is no such file
+    BrokenRuleError : the path leaves the folder or is that of one machine, or there is no such file
     """
     folder = Path((info.context or {}).get("folder", ".")).resolve()
-    full = (folder / path).resolve()
-    if not path.is_absolute() and not full.is_relative_to(folder):
+    if path.is_absolute():
+        raise BrokenRuleError("holds on one machine only", f"put {what} beside the case", value=str(path))
+    try:
+        full = (folder / path).resolve()
+        is_file = full.is_file()
+    except (OSError, ValueError, RuntimeError):  # too long, with a null in it, or a ring of links
+        full, is_file = folder / path, False
+    if not full.is_relative_to(folder):
         raise BrokenRuleError("leaves the folder of the case", f"put {what} into it", value=str(path))
-    if not full.is_file():
+    if not is_file:
         raise BrokenRuleError("is not a file", f"name {what} in the folder of the case", value=str(path))
     return full
+
+
+def read_text(path: Path) -> str:
+    """Text of a file, with or without the mark that some editors put before it.
+
+    Raises OSError; UnicodeDecodeError : not UTF-8.
+    """
+    return path.read_text(encoding="utf-8-sig")
 
 
 def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.float64]:
@@ -37,7 +51,7 @@ def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.
     BrokenRuleError : columns are missing, there are no rows, or a number is missing or not finite
     """
     try:
-        lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines()]
+        lines = [line.strip() for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError):
         raise BrokenRuleError("cannot be read as text", "save it as UTF-8 CSV", value=path.name) from None
     rows = [line.split(",") for line in lines if line and not line.startswith("#")]

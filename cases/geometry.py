@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, field_validator, model_validator
 from shapely.geometry.base import BaseGeometry
 
-from cases.errors import BrokenRuleError, CaseError
+from cases.errors import BrokenRuleError
 from cases.table import Table, require_one
 from cases.units import Length, Point
 
@@ -120,6 +119,10 @@ class Shape(Table):
 
     def outline(self) -> BaseGeometry:
         """The shape for shapely; a disc becomes an inscribed polygon."""
+        return self._outline
+
+    @cached_property
+    def _outline(self) -> BaseGeometry:
         if self.rectangle:
             return shapely.box(*self.rectangle.lower, *self.rectangle.upper)
         if self.polygon:
@@ -173,33 +176,6 @@ def _polygon_contains(polygon: BaseGeometry, points: Array, slack: float) -> NDA
     grown = polygon.buffer(slack, join_style="mitre") if slack else polygon
     shapely.prepare(grown)
     return shapely.intersects_xy(grown, points[:, 0], points[:, 1])
-
-
-def mesh_outline(path: Path) -> BaseGeometry:
-    """Union of the triangles and quadrilaterals of a mesh file, in the file's own numbers.
-
-    Raises
-    ------
-    CaseError : the file cannot be read or holds no such cells
-    """
-    return _read_outline(path, path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=16)
-def _read_outline(path: Path, modified: int) -> BaseGeometry:
-    import meshio  # slow to import, and few cases bring a mesh
-
-    try:
-        mesh = meshio.read(path)
-    except (Exception, SystemExit):  # meshio's readers raise many kinds, and leave the program for some files
-        raise CaseError(f"{path}: the mesh cannot be read; save it in a format that meshio knows.") from None
-    plane = [block for block in mesh.cells if block.type in ("triangle", "quad")]
-    corners = [cell for block in plane for cell in mesh.points[block.data][:, :, :2]]
-    if not corners:
-        raise CaseError(
-            f"{path}: the mesh has no triangles and quadrilaterals; mesh the plane body with them."
-        )
-    return shapely.union_all([shapely.Polygon(cell) for cell in corners])
 
 
 def size_of(bounds: Bounds) -> float:

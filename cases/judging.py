@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,6 +26,12 @@ Scalar = bool | int | float | str
 EACH = "[*]"
 #: names of runs that differ in a part, each of which is meant: "{fem,mpm}_cubic"
 _ALTERNATIVES = re.compile(r"\{([^{}]*)\}")
+#: runs that a sweep, or a check by its alternatives, may stand for
+MOST_RUNS = 1000
+#: bytes in the name of a run: the system's limit of 255 less what the folders beside it are called
+LONGEST_RUN = 240
+#: size beyond which no parameter of a metric means anything
+LARGEST_PARAMETER = 1e30
 # Values of a sweep stand in the names of runs and these in the names of folders.
 _LABEL = re.compile(r"[A-Za-z0-9_.+-]+")
 
@@ -40,6 +47,7 @@ class RunSpec:
     family : the name in the file, such as "fem_levels"
     expect_failure : that it does not converge in the end is a result
     change : nested tables merged over the case for this run, sweep values included
+    accepts : indicators of the health record that may be beyond their limits, with the reason
     sweep_values : dotted key -> value of this member of the sweep; empty without a sweep
     """
 
@@ -48,6 +56,7 @@ class RunSpec:
     family: str
     expect_failure: bool = False
     change: dict[str, Any] = field(default_factory=dict)
+    accepts: dict[str, str] = field(default_factory=dict)
     sweep_values: dict[str, Scalar] = field(default_factory=dict)
 
 
@@ -63,10 +72,12 @@ def _sweep_value(value: Any) -> Any:
 def _parameter(value: Any) -> Any:
     numbers = value if isinstance(value, list | tuple) else [value]
     for number in numbers:
-        plain = isinstance(number, bool | int | float) or isinstance(value, str)
-        if not plain or (isinstance(number, float) and not math.isfinite(number)):
+        plain = isinstance(number, bool | int | float) and abs(number) <= LARGEST_PARAMETER
+        if not plain and not isinstance(value, str):
             raise BrokenRuleError(
-                "is no parameter", "give a finite number, a list of them, or a text", value=value
+                "is no parameter",
+                f"give a finite number up to {LARGEST_PARAMETER:g}, a list of them, or a text",
+                value=value,
             )
     return value
 
@@ -82,6 +93,7 @@ class Run(Table):
     ----------
     expect_failure : that the run does not converge in the end is a result, not a fault
     change : tables merged over the case for this run
+    accepts : indicator of the health record that may be beyond its limit in this run -> why
     sweep : dotted key, or "key.0", "key.1" for the entries of an array -> values; expands to one run for each
         combination of values
     """
@@ -89,6 +101,7 @@ class Run(Table):
     solver: SolverName
     expect_failure: Switch = False
     change: dict[str, Any] = Field(default_factory=dict)
+    accepts: dict[Name, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
     sweep: dict[str, Annotated[tuple[SweepValue, ...], Field(min_length=1)]] = Field(default_factory=dict)
 
     @field_validator("sweep")
@@ -97,13 +110,22 @@ class Run(Table):
         for key, values in sweep.items():
             if len({_text(value) for value in values}) < len(values):
                 raise BrokenRuleError("repeats a value", "remove the repetition", f'"{key}"', list(values))
+        if (number := math.prod(map(len, sweep.values()))) > MOST_RUNS:
+            raise BrokenRuleError(f"stands for {number} runs", f"sweep no more than {MOST_RUNS}")
         return sweep
+
+    @cached_property
+    def _members(self) -> dict[str, list[RunSpec]]:
+        """By the name of the family."""
+        return {}
 
     def members(self, family: str) -> list[RunSpec]:
         """All runs that this table stands for."""
-        if not self.sweep:
-            return [RunSpec(family, self.solver, family, self.expect_failure, self.change)]
-        return [self._member(family, values) for values in product(*self.sweep.values())]
+        if family not in self._members:
+            plain = RunSpec(family, self.solver, family, self.expect_failure, self.change, self.accepts)
+            swept = product(*self.sweep.values())
+            self._members[family] = [self._member(family, values) for values in swept] if self.sweep else [plain]
+        return self._members[family]
 
     def _member(self, family: str, values: tuple[Scalar, ...]) -> RunSpec:
         swept = dict(zip(self.sweep, values, strict=True))
@@ -111,7 +133,11 @@ class Run(Table):
         for key, value in swept.items():
             change = merge(change, nest(key, value))
         labels = ",".join(f"{self._label(key)}={_text(value)}" for key, value in swept.items())
-        return RunSpec(f"{family}[{labels}]", self.solver, family, self.expect_failure, change, swept)
+        name = f"{family}[{labels}]"
+        if len(name.encode()) > LONGEST_RUN:
+            text = f"names a run by more than {LONGEST_RUN} bytes, {name[:40]!r}..."
+            raise BrokenRuleError(text, "sweep fewer keys, or shorter values", f"runs.{family}.sweep")
+        return RunSpec(name, self.solver, family, self.expect_failure, change, self.accepts, swept)
 
     def _label(self, key: str) -> str:
         last = [_last_word(k) for k in self.sweep]
@@ -192,7 +218,7 @@ class Check(Table):
     but : sweep values, such as "h=0.1", of the runs that a check of each leaves out
     against : a run, "baseline", "reference:NAME", "value:NUMBER", "exact" or "none"; a run "OTHER[*]" is that of the
         same sweep values
-    error_kind : "relative": |value - target|/|target| <= limit; "absolute": |value - target| <= limit;
+    measure : "relative": |value - target|/|target| <= limit; "absolute": |value - target| <= limit;
         against none: |value| <= limit
     tiers : in which the check applies
     gate : whether a failure fails the case
@@ -204,7 +230,7 @@ class Check(Table):
     run: str
     but: tuple[str, ...] = ()
     against: str
-    error_kind: Literal["relative", "absolute"] = "relative"
+    measure: Literal["relative", "absolute"] = "relative"
     limit: Annotated[Number, Field(ge=0)]
     tiers: Annotated[tuple[TierName, ...], Field(min_length=1)] = TIERS
     gate: Switch = True
@@ -233,6 +259,13 @@ class Check(Table):
     def _of(self, part: str, name: str) -> Check:
         """The check of one run, whose name stands for a part of the runs' names."""
         return self.model_copy(update={key: getattr(self, key).replace(part, name) for key in ("run", "against")})
+
+    @field_validator("run")
+    @classmethod
+    def _names_few_runs(cls, run: str) -> str:
+        if math.prod(group.count(",") + 1 for group in _ALTERNATIVES.findall(run)) > MOST_RUNS:
+            raise BrokenRuleError("stands for too many runs", f"name no more than {MOST_RUNS}", value=run)
+        return run
 
     @field_validator("against")
     @classmethod

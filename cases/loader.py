@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from pydantic import ValidationError
 
 from cases.case import Case
 from cases.errors import CaseError
+from cases.files import read_text
 from cases.judging import TIERS, merge, nest
 from cases.messages import case_error, sentence
 from cases.schema import CaseDescription
@@ -19,6 +22,11 @@ from cases.units import Units
 LIBRARY = Path(__file__).parent / "library"
 CASE_FILE = "case.toml"
 DEFAULT_TIER = "standard"
+#: bytes of a case file, and levels of its tables, beyond which it is not read
+LARGEST_FILE, DEEPEST = 5_000_000, 200
+#: bytes in the name of a case; the system's limit is 255, and its results add to it
+LONGEST_NAME = 200
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){{{DEEPEST}}}""")
 
 Tables = dict[str, Any]
 
@@ -45,8 +53,7 @@ def load_case(
     CaseError : the case does not exist, or something in it is wrong
     """
     source = _find(name_or_path)
-    name = source.parent.name if source.name == CASE_FILE else source.stem
-    return case_from_tables(_read(source), tier, run, name=name, source=source, change=change)
+    return case_from_tables(_read(source), tier, run, name=_name(source), source=source, change=change)
 
 
 def case_from_tables(
@@ -94,6 +101,8 @@ class _Builder:
         self.tables = tables
         self._has_known_tables()
         self.context = {"units": self._units(), "folder": source.parent}
+        #: key of the file -> its value there and as the first case has read it
+        self.read: dict[str, tuple[Any, Any]] = {}
 
     def case(
         self, tier: str, run: str | None = None, base: Case | None = None, varied: Tables | None = None
@@ -118,9 +127,16 @@ class _Builder:
         place = {"name": self.name, "folder": self.source.parent, "source": self.source}
         told = {"tier": tier, "run": run, "change": varied or {}}
         try:
-            return Case.model_validate({**tables, **place, **told}, context=self.context)
+            case = Case.model_validate({**self._as_read(tables), **place, **told}, context=self.context)
         except ValidationError as error:
             raise case_error(self.source, error, origins) from None
+        self.read = self.read or {key: (value, getattr(case, key)) for key, value in tables.items()}
+        return case
+
+    def _as_read(self, tables: Tables) -> Tables:
+        """The tables, of which those that no change has touched need not be read again."""
+        read = self.read
+        return {key: read[key][1] if key in read and read[key][0] is value else value for key, value in tables.items()}
 
     def check_variants(self, case: Case) -> None:
         """Raise CaseError for a mistake in any run of this tier or in any other tier."""
@@ -150,9 +166,10 @@ def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if str(path) in list_cases():
         return LIBRARY / path / CASE_FILE
-    for candidate in (path / CASE_FILE, path):
-        if candidate.is_file():
-            return candidate.resolve()
+    with suppress(OSError, ValueError, RuntimeError):  # too long, with a null in it, or a ring of links
+        for candidate in (path / CASE_FILE, path):
+            if candidate.is_file():
+                return candidate.resolve()
     if path.suffix == ".toml" or len(path.parts) != 1:
         remedy = f"name a folder with a {CASE_FILE} or a .toml file"
         raise sentence(path, "", None, "no such case file", remedy)
@@ -160,9 +177,25 @@ def _find(name_or_path: str | Path) -> Path:
     raise sentence(path, "", None, "no such case", remedy)
 
 
+def _name(source: Path) -> str:
+    """What the case is called; folders and pages of its results are called so too."""
+    name = source.parent.name if source.name == CASE_FILE else source.stem
+    if not name or name.startswith(".") or not name.isprintable() or len(name.encode(errors="replace")) > LONGEST_NAME:
+        remedy = f"call its {'folder' if source.name == CASE_FILE else 'file'} otherwise"
+        text = f"would name its results {name!r}, which must not start with '.', be longer than {LONGEST_NAME} bytes "
+        raise sentence(source, "", None, text + "or hold signs that cannot be seen", remedy)
+    return name
+
+
 def _read(source: Path) -> Tables:
     try:
-        tables = tomllib.loads(source.read_text(encoding="utf-8"))
+        if source.stat().st_size > LARGEST_FILE:
+            text = f"is larger than {LARGEST_FILE / 1e6:g} MB"
+            raise sentence(source, "", None, text, "describe bodies of many corners by a mesh file")
+        written = read_text(source)
+        if _LONG_KEY.search(written):
+            raise sentence(source, "", None, f"has a key of more than {DEEPEST} parts", "shorten it")
+        tables = tomllib.loads(written)
     except UnicodeDecodeError as error:
         raise sentence(source, "", None, f"not UTF-8 text: byte {error.start}", "save it as UTF-8") from None
     except ValueError as error:  # TOMLDecodeError, and Python's own for a number of thousands of digits
@@ -171,7 +204,18 @@ def _read(source: Path) -> Tables:
         raise sentence(source, "", None, f"cannot be read: {error}", "correct the file") from None
     if not tables:
         raise sentence(source, "", None, "the file is empty", "describe the case in it")
+    if _is_deeper(tables, DEEPEST):
+        raise sentence(source, "", None, f"nests its tables and lists more than {DEEPEST} deep", "take them apart")
     return tables
+
+
+def _is_deeper(tables: Tables, most: int) -> bool:
+    """Whether tables and lists are nested more than so deep."""
+    level: list[Any] = [tables]
+    for _ in range(most):
+        inside = [entry for holder in level for entry in (holder.values() if isinstance(holder, dict) else holder)]
+        level = [entry for entry in inside if isinstance(entry, dict | list)]
+    return bool(level)
 
 
 __all__ = ["CaseError", "case_from_tables", "list_cases", "load_case"]

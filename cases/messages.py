@@ -33,6 +33,7 @@ _PHRASES: dict[str, tuple[str, str]] = {
     "string_too_short": ("is empty", "write at least {min_length} character"),
     "string_pattern_mismatch": ("is not a name", "use letters, digits and _, starting with a letter"),
     "tuple_type": ("is not a list", "write it as [..]"),
+    "string_too_long": ("is too long", "use at most {max_length} characters"),
     "too_short": ("has too few entries", "give at least {min_length}"),
     "too_long": ("has too many entries", "give at most {max_length}"),
 }
@@ -117,5 +118,8 @@ def _original(key: str, origins: list[tuple[str, dict[str, Any]]]) -> str:
 
 
 def _shown(value: Any) -> str:
-    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    try:
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
+    except (ValueError, RecursionError):  # Python writes no whole number of thousands of digits
+        return "..."
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."

@@ -47,6 +47,12 @@ class Segment(Table):
         offset, (x, y) = points - np.asarray(self.start), self.direction
         return offset @ self.direction, x * offset[..., 1] - y * offset[..., 0]
 
+    def lies_on(self, other: Segment) -> bool:
+        """Both ends are on the other segment, to a thousandth of the length."""
+        along, aside = other.coordinates(np.array([self.start, self.end]))
+        slack = 1e-3 * self.length
+        return bool(np.all((np.abs(aside) <= slack) & (along >= -slack) & (along <= other.length + slack)))
+
 
 class SlitNotch(Segment):
     """Two faces without a gap: nodes are doubled along the segment."""

@@ -21,5 +21,5 @@ class Output(Table):
 
     snapshots: tuple[Length, ...] = ()
     times: tuple[Annotated[Time, Field(ge=0)], ...] = ()
-    frames: Annotated[Whole, Field(ge=0)] = 0
-    records: Annotated[Whole, Field(ge=1)] = 200
+    frames: Annotated[Whole, Field(ge=0, le=10_000)] = 0
+    records: Annotated[Whole, Field(ge=1, le=1_000_000)] = 200

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ _OVERLAP = 1e-6
 WITHOUT_EFFECT: dict[str, Any] = {
     "mesh.geometry": "initial",
     "mesh.follow_crack": False,
+    "mesh.locking_free": False,
     "mpm.constraints_on": "edges",
     "mpm.penalty": None,
     "mpm.strain": "updated",
@@ -174,11 +174,14 @@ def _basis_is_smooth_enough(case: CaseDescription) -> None:
 
 
 def _bodies_are_apart(case: CaseDescription) -> None:
-    outlines = [(name, body.shape.outline()) for name, body in case.bodies.items() if body.shape]
-    for (first, a), (second, b) in combinations(outlines, 2):
+    shapes = {name: body.shape.outline() for name, body in case.bodies.items() if body.shape}
+    names, outlines = list(shapes), list(shapes.values())
+    pairs = shapely.STRtree(outlines).query(np.array(outlines, dtype=object), "intersects").T
+    for first, second in sorted(pairs[pairs[:, 0] < pairs[:, 1]].tolist()):
+        a, b = outlines[first], outlines[second]
         if a.intersection(b).area > _OVERLAP * min(a.area, b.area):
             remedy = "move them apart or cut one out of the other with 'difference'"
-            raise BrokenRuleError(f"overlaps the body '{first}'", remedy, f"bodies.{second}")
+            raise BrokenRuleError(f"overlaps the body '{names[first]}'", remedy, f"bodies.{names[second]}")
 
 
 def _notches_are_in_bodies(case: CaseDescription) -> None:
@@ -197,9 +200,14 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
 
 
 def _spacing_fits_the_bodies(case: CaseDescription) -> None:
+    lower, upper = case.bounding_box()
+    if np.min(upper - lower) < case.mesh.h * (1.0 - SLACK):
+        size = " x ".join(f"{side:.3g}" for side in upper - lower)
+        text = f"is larger than the bodies, which are {size} {case.units.length}"
+        remedy = f"make it smaller, or give coordinates in {case.units.length}"
+        raise BrokenRuleError(text, remedy, "mesh.h", case.mesh.h)
     if any(body.mesh for body in case.bodies.values()):
         return
-    lower, upper = case.bounding_box()
     if case.mesh.fine is not None:
         remedy = f"place it inside {lower.tolist()} to {upper.tolist()}"
         for number, box in enumerate(case.mesh.refine):

@@ -16,6 +16,7 @@ from cases.geometry import SLACK, Array, Bounds, size_of
 from cases.judging import Check, Reference, Run, RunSpec, TierName
 from cases.loading import AT_REST, Constraint, Contact, Dynamics, Load, Traction
 from cases.material import Material
+from cases.mesh_files import mesh_slits
 from cases.notches import CellsNotch, Notch
 from cases.output import Output
 from cases.rocking import Rocking
@@ -116,6 +117,12 @@ class CaseDescription(Table):
             if isinstance(notch, CellsNotch):
                 out |= notch.contains(points)
         return out
+
+    @property
+    def all_notches(self) -> tuple[Notch, ...]:
+        """Notches of the case, and the cracks in the mesh files of its bodies that are not drawn again among them."""
+        in_meshes = [slit for body in self.bodies.values() if body.mesh for slit in mesh_slits(body.mesh)]
+        return (*self.notches, *(slit for slit in in_meshes if not any(slit.lies_on(n) for n in self.notches)))
 
     @property
     def fracture_enabled(self) -> bool:

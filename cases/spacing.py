@@ -94,7 +94,7 @@ def _fine_interval(case: Case, axis: int, lower: float, upper: float) -> tuple[f
 
 def _feature_lines(case: Case, axis: int) -> list[float]:
     """Coordinates that must be lines because a notch, a body's edge, a held point or a held box ends there."""
-    lines = [line for notch in case.notches for line in _notch_lines(notch, axis)]
+    lines = [line for notch in case.all_notches for line in _notch_lines(notch, axis)]
     for boundary in case.boundaries.values():
         lines += [boundary.point[axis]] if boundary.point else []
         if boundary.box and boundary.box.upper[axis] - boundary.box.lower[axis] >= case.mesh.h * (1 - STRETCH):

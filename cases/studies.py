@@ -130,7 +130,10 @@ class Chart(Table):
         for name, ladder in self.ladders.items():
             other, contestants = _coordinate(ladder.levels)
             direction = values[0] > values[-1]
-            if other == key and any((values[-1] < value) != direction for value in contestants):
+            if other != key:
+                continue
+            numbers = all(isinstance(value, int | float) for value in contestants)
+            if not numbers or any((values[-1] < value) != direction for value in contestants):
                 raise BrokenRuleError(
                     f"is not finer than every level of '{name}'", "refine it further", f"reference.levels.{key}"
                 )
@@ -148,7 +151,7 @@ class Judged(Table):
 
     metric: Name
     against: str
-    error_kind: Literal["relative", "absolute"] = "relative"
+    measure: Literal["relative", "absolute"] = "relative"
     within: Annotated[tuple[Annotated[Number, Field(gt=0)], ...], BeforeValidator(_as_list), Field(min_length=1)]
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 

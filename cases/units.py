@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from functools import cache
+from functools import cache, cached_property
 from typing import Annotated, Any
 
 from pint import UnitRegistry
@@ -28,6 +29,20 @@ KINDS: dict[str, tuple[int, int, int]] = {
     "acceleration": (0, 1, -2),
     "rate": (0, 0, -1),
     "momentum": (1, 0, 1),
+}
+
+#: largest and smallest size other than 0 that a number of a kind can have, in SI units: from less than an atom's nucleus
+#: to planets, light and neutron stars; what lies beyond is a slip, and its powers leave the range of numbers
+SIZES: dict[str, tuple[float, float]] = {
+    "number": (1e18, 1e-30),
+    "length": (1e9, 1e-24),
+    "stress": (1e18, 1e-18),
+    "toughness": (1e18, 1e-24),
+    "time": (1e18, 1e-30),
+    "density": (1e18, 1e-18),
+    "velocity": (3e8, 1e-30),
+    "acceleration": (1e15, 1e-30),
+    "rate": (1e18, 1e-30),
 }
 
 _EXAMPLES = {"length": "0.5 mm", "stress": "210 GPa", "toughness": "2.7 N/mm", "density": "7850 kg/m^3",
@@ -93,6 +108,15 @@ class Units(Table):
         force, length, time = KINDS[kind]
         return f"{self.force}**({force}) * {self.length}**({length}) * {self.time}**({time})"
 
+    @cached_property
+    def sizes(self) -> dict[str, tuple[float, float]]:
+        """`SIZES` in the units of the case."""
+        return {kind: (most / self._in_si(kind), least / self._in_si(kind)) for kind, (most, least) in SIZES.items()}
+
+    def _in_si(self, kind: str) -> float:
+        """The unit of a kind of quantity in SI units."""
+        return float(unit_registry().Quantity(1.0, self.expression(kind)).to_base_units().magnitude)
+
     def convert(self, text: str, kind: str) -> float:
         """Number in the units of the case for a string such as "210 GPa".
 
@@ -127,12 +151,23 @@ def quantity(value: Any, kind: str, info: ValidationInfo) -> Any:
         raise BrokenRuleError(
             "is not a number", f"write a number or a string with a unit of {kind}", value=value
         )
-    if not isinstance(value, str):
-        return value
-    units = (info.context or {}).get("units")
-    if units is None:
-        raise BrokenRuleError("has a unit but the case states none", "add the table [units]", value=value)
-    return units.convert(value, kind)
+    units: Units | None = (info.context or {}).get("units")
+    if isinstance(value, str):
+        if units is None:
+            raise BrokenRuleError("has a unit but the case states none", "add the table [units]", value=value)
+        return _bounded(units.convert(value, kind), value, kind, units)
+    return value if units is None else _bounded(value, value, kind, units)
+
+
+def _bounded(number: Any, written: Any, kind: str, units: Units) -> Any:
+    """The number where its size can be that of its kind; what is none, or is not finite, is left to pydantic."""
+    if not isinstance(number, int | float) or number == 0 or (isinstance(number, float) and not math.isfinite(number)):
+        return number
+    most, least = units.sizes[kind]
+    if not least <= abs(number) <= most:
+        remedy = f"give a number of size {least:.0e} to {most:.0e} {units.label(kind).removeprefix('1')}".rstrip()
+        raise BrokenRuleError(f"is beyond every {kind}", remedy, value=written)
+    return number
 
 
 def _reader(kind: str) -> BeforeValidator:

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from fem_reference.mesh.arrays import MeshError
+from cases.mesh_arrays import MeshError
+from numerics.built import Holds
 from physics.exact import MOTIONS
 
 DIRECTIONS: dict[str | None, int] = {"x": 0, "y": 1, "phase": 2}
@@ -76,6 +77,14 @@ class NodeConstraints:
                         " in the same direction and contradict each other; leave it out of one of the two boundary sets"
                     )
             holder[direction, selected] = number
+
+    def holds(self, part: NDArray) -> Holds:
+        """What they hold of nodes in connected parts (n_nodes,)."""
+        shared = np.bincount(self.equations[self.equations >= 0], minlength=self.size) > 1
+        tied = np.where(self.equations >= 0, shared[self.equations], False)
+        unknowns = np.flatnonzero(self.prescribed | tied)
+        group = np.where(self.prescribed, -1, self.equations)[unknowns]
+        return Holds(self._nodes[unknowns // 2], unknowns % 2, part[unknowns // 2], group)
 
     def prescribed_values(self, load: float) -> NDArray:
         """Values (2 n_nodes,) at a load; only the prescribed ones mean anything."""

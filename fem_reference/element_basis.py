@@ -7,7 +7,7 @@ import skfem
 from numpy.typing import NDArray
 
 from cases import Case
-from fem_reference.mesh.arrays import kinds_of
+from cases.mesh_arrays import kinds_of
 from fem_reference.mesh.build import build_mesh
 
 

@@ -7,8 +7,8 @@ import skfem
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.mesh_arrays import Floats, Integers, MeshError, kinds_of
 from fem_reference.element_basis import ElementBasis
-from fem_reference.mesh.arrays import Floats, Integers, MeshError, kinds_of
 from fem_reference.phase_field_kernels import SmoothValues
 
 #: part of an element's size by which its corners may miss a rectangle

@@ -66,10 +66,9 @@ class Grid:
         lower, upper = case.bounding_box()
         self.order = case.mpm.order
         self._box, self._source = (lower, upper), case.source
-        self._check_notches_part_functions(case)
         self.slits = [
             GridSlit(case.source, np.array(n.start, float), np.array(n.end, float), lower, upper)
-            for n in case.notches
+            for n in case.all_notches
             if n.kind == "slit"
         ]
         lines = [_widened(np.asarray(axis), case.mpm.margin) for axis in grid_lines(case)]
@@ -78,16 +77,6 @@ class Grid:
         abscissae = [axis.greville() for axis in self.axes]
         self.nodes = np.empty((self.n_nodes, 2))
         self.nodes[self.node_number.ravel()] = np.stack(np.meshgrid(*abscissae, indexing="ij"), -1).reshape(-1, 2)
-
-    def _check_notches_part_functions(self, case: Case) -> None:
-        """A function over order + 1 cells must not have points on both sides of left-out ones."""
-        for number, notch in enumerate(case.notches):
-            if notch.kind == "cells" and notch.width < (self.order - 0.5) * case.mesh.h:
-                raise GridError(
-                    f"{case.source}: notches[{number}].width = {notch.width:g}: B-splines of order {self.order} reach"
-                    f" across {self.order - 1} left-out cells of mesh.h = {case.mesh.h:g}; leave out {self.order} or"
-                    ' more, or use kind = "slit" or "history"'
-                )
 
     def check_edges_interpolate(self) -> None:
         """Prescribed grid nodes need functions that interpolate on the body's edges."""

@@ -52,6 +52,24 @@ def place_points(case: Case) -> PointCloud:
     return PointCloud(positions[kept], volume[kept], size[kept], corner[kept], body[kept])
 
 
+def placement_health(case: Case, cloud: PointCloud) -> dict[str, float]:
+    """How well the points fill the grid's cells: indicators of the health record.
+
+    quadrature : share of the volume in cells with fewer than 2 x 2 points. scatter : distance of the points' middle from
+    that of their cell, over its width (root mean square over the cells that have all of their points).
+    """
+    lines = [np.asarray(axis) for axis in grid_lines(case)]
+    places = [np.clip(np.searchsorted(x, cloud.positions[:, d]) - 1, 0, len(x) - 2) for d, x in enumerate(lines)]
+    _, cell, count = np.unique(places[0] * len(lines[1]) + places[1], return_inverse=True, return_counts=True)
+    along = zip(cloud.positions.T, lines, places, strict=True)
+    local = [(position - x[place]) / (x[place + 1] - x[place]) - 0.5 for position, x, place in along]
+    middles = np.array([np.bincount(cell, part) / count for part in local])
+    full = count == case.mpm.points_per_cell**2
+    sparse = cloud.volume[count[cell] < 4].sum() / cloud.volume.sum()
+    scatter = float(np.sqrt((middles[:, full] ** 2).sum(axis=0).mean())) if full.any() else 0.0
+    return {"quadrature": float(sparse), "scatter": scatter}
+
+
 def place_in_bodies(case: Case) -> PointCloud:
     """Points of a case whose bodies move: each body has cells of its own, as many as fit its bounding box.
 

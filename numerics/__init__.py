@@ -1,1 +1,10 @@
 """What is true of any discretisation: staggered scheme, load increments, sparse patterns, linear solvers."""
+
+import os
+
+# Read by the libraries when they are loaded, thus set before any of them. Threads that wait must sleep: two that spin on
+# processors that others use as well take many times the time of one. And MKL sums in an order that does not depend on the
+# number of threads.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("KMP_BLOCKTIME", "0")
+os.environ.setdefault("MKL_CBWR", "AUTO,STRICT")

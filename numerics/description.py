@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cases import Case
 from cases.bodies import Body
-from cases.geometry import mesh_outline
+from cases.mesh_files import mesh_outline
 from cases.solvers import SOLVERS
 from cases.spacing import grid_blocks
 

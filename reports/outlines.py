@@ -9,7 +9,7 @@ import shapely
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from cases.geometry import mesh_outline
+from cases.mesh_files import mesh_outline
 
 from . import style
 
@@ -61,7 +61,7 @@ def notch_corners(notch: Any) -> np.ndarray:
 
 def draw_notches(axes: Axes, case: Case, widen: float = 1.0) -> None:
     """Draw the notches, lines ``widen`` times as wide as in a small picture."""
-    for notch in case.notches:
+    for notch in case.all_notches:
         corners = notch_corners(notch)
         look = {**NOTCH_LINES[notch.kind], "linewidth": NOTCH_LINES[notch.kind]["linewidth"] * widen}
         if notch.kind == "cells":

@@ -157,6 +157,7 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
         runs_sentence=words.runs_sentence(list(results.runs.values())),
         boundaries=scene.boundary_rows(results.case) if results.case else [],
         checks=tables.check_groups(results), cost=tables.cost_table(results),
+        health=tables.health_table(results),
         cost_sentence=tables.cost_sentence(results), prices=tables.price_rows(results),
         runs=tables.run_rows(results), notices=_notices(results), readme=readme_html(results),
     )  # fmt: skip
@@ -196,7 +197,9 @@ def _notices(results: CaseResults) -> list[str]:
     for run in results.runs.values():
         if not run.exists:
             absent.setdefault(run.entry.get("reason") or run.problem or run.status, []).append(run.name)
+    suspect = {name: run.entry.get("suspicions") or [] for name, run in results.runs.items()}
     said = [f"Not shown: {words.listed(names)}. Reason: {why}" for why, names in absent.items()]
+    said += [f"Suspect: in {name} the {told}" for name, each in suspect.items() for told in each]
     said += [f"Curves not compared: {problem}" for problem in results.entry.get("curve_problems") or []]
     if results.case is None:
         said.append(f"The case description could not be read: {results.case_problem}")

@@ -353,7 +353,7 @@ def _draw_dimensions(axes: Axes, case: Case, size: float) -> None:
     below, left = lower[1] - 3.4 * size, lower[0] - 3.4 * size
     _dimension(axes, (lower[0], below), (upper[0], below), f"{number(upper[0] - lower[0])} {unit}")
     _dimension(axes, (left, lower[1]), (left, upper[1]), f"{number(upper[1] - lower[1])} {unit}", short)
-    for notch in case.notches:
+    for notch in case.all_notches:
         start, end = np.asarray(notch.start, float), np.asarray(notch.end, float)
         length = np.hypot(*(end - start))
         width = f", {number(notch.width)} {unit} wide" if notch.kind == "cells" else ""
@@ -389,8 +389,8 @@ def close_up_window(case: Case) -> np.ndarray:
     """Return the corners (2, 2) of the close-ups: the notch's inner end, else the fine box."""
     lower, upper = case.bounding_box()
     half = min(CELLS_IN_A_CLOSE_UP / 2 * case.mesh.h, 0.6 * float((upper - lower).min()))
-    if case.notches:
-        ends = np.array([case.notches[0].start, case.notches[0].end], dtype=float)
+    if case.all_notches:
+        ends = np.array([case.all_notches[0].start, case.all_notches[0].end], dtype=float)
         inside = np.minimum(ends - lower, upper - ends).min(axis=1)
         centre = ends[int(inside.argmax())]
     elif case.mesh.fine:

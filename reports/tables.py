@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from cases import load_case
 from numerics.status import RunStatus
+from verify.metrics.health import INDICATORS
 from verify.planning.recorded_prices import current_prices
 
 from .words import (
@@ -112,6 +113,31 @@ def _keys(runs: list[RunResults], table: str) -> list[str]:
 def _milliseconds(run: RunResults) -> str:
     seconds = seconds_per_iteration(run)
     return "–" if seconds is None else number(1000 * seconds, 3)
+
+
+def health_table(results: CaseResults) -> dict[str, Any]:
+    """Return ``runs`` (column heads) and ``rows`` of (meaning, limit, one (text, beyond, why accepted) per run)."""
+    runs = [run for run in results.shown_runs() if run.record.get("health")]
+    told = [run.record["health"] for run in runs]
+    accepted = [_accepted(results, run.name) for run in runs]
+    rows = [
+        (
+            indicator.meaning,
+            number(indicator.limit),
+            [
+                (number(h.get(name), 3), (h.get(name) or 0.0) > indicator.limit, why.get(name, ""))
+                for h, why in zip(told, accepted, strict=True)
+            ],
+        )
+        for name, indicator in INDICATORS.items()
+        if any(h.get(name) is not None for h in told)
+    ]
+    return {"runs": [run.name for run in runs], "rows": rows}
+
+
+def _accepted(results: CaseResults, run: str) -> dict[str, str]:
+    specs = results.case.run_specs() if results.case else {}
+    return specs[run].accepts if run in specs else {}
 
 
 def price_rows(results: CaseResults) -> list[dict[str, str]]:

@@ -20,6 +20,7 @@ VERDICT_WORDS = {
     "RUN_FAILED": "Run failed",
     "NOT_CHECKED": "Not checked",
     "MISSING": "Missing",
+    "SUSPECT": "Suspect",
     "INFO": "Shown only",
 }
 
@@ -97,7 +98,7 @@ def measured_error(check: Mapping[str, Any], key: str = "error") -> str:
     """Return a check's error (or limit) in the measure that it is judged in."""
     value = check.get(key)
     is_itself_an_error = check.get("target") is None and check.get("error") is not None
-    relative = check.get("error_kind", "relative") == "relative" and not is_itself_an_error
+    relative = check.get("measure", "relative") == "relative" and not is_itself_an_error
     return percent(value) if relative else number(value)
 
 

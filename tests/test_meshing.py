@@ -11,9 +11,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cases import Case, CaseError, load_case
+from cases.mesh_arrays import MeshArrays, corner_jacobians, cross, edge_lengths, edge_table, signed_areas
 from cases.notches import CellsNotch, Segment
 from cases.spacing import count_cells
-from fem_reference.mesh.arrays import MeshArrays, corner_jacobians, cross, edge_lengths, edge_table, signed_areas
 from fem_reference.mesh.build import Mesh, MeshError, build_mesh
 from fem_reference.mesh.quads import rectilinear
 from fem_reference.mesh.slits import cells_cut_by, split_slits
@@ -487,9 +487,8 @@ def test_lines_and_vertices_in_the_file_are_passed_over(tmp_path: Path) -> None:
     ],
 )
 def test_unfit_mesh_files_are_refused_in_one_sentence(tmp_path: Path, cells: list, message: str) -> None:
-    case = case_of_file(tmp_path, "plate.vtu", cells)
-    with pytest.raises(CaseError, match=rf"case\.toml: .*plate\.vtu: .*{message}") as raised:
-        build_mesh(case)
+    with pytest.raises(CaseError, match=rf"plate\.vtu: .*{message}") as raised:
+        case_of_file(tmp_path, "plate.vtu", cells)
     assert "\n" not in str(raised.value)
 
 
@@ -502,8 +501,8 @@ def test_a_mesh_out_of_the_plane_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("plate.msh", "cannot be read; export"),
-        ("plate.vtu", "cannot be read; export"),
+        ("plate.msh", "cannot be read .*; export"),
+        ("plate.vtu", "cannot be read .*; export"),
         ("plate.inp", "holds no triangles or quadrilaterals; save"),
     ],
 )
@@ -511,9 +510,8 @@ def test_an_unreadable_file_is_refused(
     tmp_path: Path, name: str, message: str, capfd: pytest.CaptureFixture
 ) -> None:
     (tmp_path / name).write_text("this is no mesh\n")
-    case = write_case(tmp_path, f'bodies.plate = {{ material = "steel", mesh = "{name}" }}', "h = 1.0")
     with pytest.raises(MeshError, match=f"{name}: .*{message}"):
-        build_mesh(case)
+        write_case(tmp_path, f'bodies.plate = {{ material = "steel", mesh = "{name}" }}', "h = 1.0")
     assert capfd.readouterr() == ("", "")
 
 

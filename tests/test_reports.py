@@ -178,7 +178,7 @@ def test_points_are_painted_where_they_are() -> None:
 def test_the_verdict_sentence_names_the_tightest_check() -> None:
     loose = {"metric": "peak_force", "run": "mpm", "against": "fem", "target": 0.7, "error": 1e-3,
              "limit": 1e-2, "margin_used": 0.1, "verdict": "PASS", "gate": True,
-             "error_kind": "relative"}  # fmt: skip
+             "measure": "relative"}  # fmt: skip
     tight = loose | {"metric": "initial_stiffness", "error": 9e-3, "margin_used": 0.9}
     shown_only = loose | {"metric": "fracture_energy", "margin_used": 7.0, "gate": False}
     sentence = verdict_sentence({"checks": [loose, tight, shown_only]})

@@ -178,11 +178,11 @@ def test_a_killed_run_is_never_taken_for_a_whole_one(case_file: Path, tmp_path: 
 def test_a_run_is_interrupted_when_its_parent_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     killed = SimpleNamespace(join=lambda: None)
     monkeypatch.setattr(jobs.multiprocessing, "parent_process", lambda: killed)
-    monkeypatch.setattr(jobs, "do", lambda job: time.sleep(10.0))
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell starts what runs in its background
     try:
         with pytest.raises(KeyboardInterrupt):
-            jobs._do_for_parent(None)
+            jobs._watch_parent()
+            time.sleep(10.0)
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -19,21 +19,24 @@ from rich.text import Text
 
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
 from cases.judging import TIERS
+from cases.loader import LIBRARY
 from cases.solvers import SOLVERS
 from numerics.status import RunStatus
 from verify.judging.acceptance import accept
 from verify.judging.judge import checks_of, find_runs
 from verify.judging.summary import exit_code, summarise, write_summary
-from verify.judging.views import check_name, check_sentence, counts, failed_runs
+from verify.judging.views import check_name, check_sentence, counts, failed_runs, suspect_runs
 from verify.runs.atomic import write_table
 from verify.runs.jobs import Job, outcomes
 from verify.runs.provenance import code_version
+from verify.runs.refusals import refusals
 from verify.runs.run_folder import RunFolderError
 from verify.runs.running import DEFAULT_OUT, DEFAULT_THREADS
 from verify.runs.selection import named_runs, selected_runs
 
 RUN_FAILED, BAD_INPUT, INTERNAL_ERROR = 2, 3, 5
-COLOURS = {"PASS": "green", "FAIL": "red", "RUN_FAILED": "red", "MISSING": "yellow", "NOT_CHECKED": "yellow"}
+COLOURS = {"PASS": "green"} | dict.fromkeys(("FAIL", "RUN_FAILED", "SUSPECT"), "red")
+COLOURS |= dict.fromkeys(("MISSING", "NOT_CHECKED"), "yellow")
 EXIT_CODE_HELP = (
     "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked,"
     " 5 internal error."
@@ -136,14 +139,20 @@ def list_command() -> None:
 
 @app.command()
 def validate(case: OptionalCase = None) -> None:
-    """Check case files in all tiers and runs, without running them.
+    """Check case files in all tiers and runs, without running them: what they say, and whether their solvers take them.
 
     Examples: `verify validate` · `verify validate sen_tension` · `verify validate my_case.toml`
     """
+    wrong, console = False, _console()
     for name in [case] if case else list_cases():
         for tier in TIERS:
             checks_of(load_case(name, tier))
-        _console().print(f"{name}: valid")
+        found = refusals(load_case(name, tier, run) for tier in TIERS for run in load_case(name, tier).expanded_runs())
+        for sentence in found.sentences or [f"{name}: valid{found.note}"]:
+            console.print(sentence)
+        wrong |= bool(found.sentences)
+    if wrong:
+        raise typer.Exit(BAD_INPUT)
 
 
 @app.command()
@@ -166,6 +175,7 @@ def plan(
     from verify.studies.charts import recorded_choices
 
     base, console = load_case(case, tier), _console()
+    _refuse([load_case(case, tier, name) for name in selected_runs(base, run_names)])
     for name in selected_runs(base, run_names):
         planned = make_plan(load_case(case, tier, name), name, accuracy)
         table = Table("what", "value", title=planned.title, title_justify="left")
@@ -283,17 +293,26 @@ def run_command(
         Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
         for named in named_runs(_selected(case, tier), run_names)
     ]
-    # a mistake in the last case is told before the first run
+    # a mistake in the last case is told before the first run; those of the library have none
+    _refuse([job.case() for job in wanted if not job.source.is_relative_to(LIBRARY)])
     planned = [planned_job(job, accuracy) for job in wanted]
     for job, sentences in planned:
         for sentence in sentences:
             console.print(f"{job.title}: {sentence}")
-    failed = False
+    ended = []
     for outcome in outcomes([job for job, _ in planned], jobs, cluster):
         console.print(f"{outcome.title}: {outcome.line}")
-        failed |= outcome.failed
-    if failed:
+        ended.append(outcome)
+    if any(outcome.refused for outcome in ended):
+        raise typer.Exit(BAD_INPUT)
+    if any(outcome.failed for outcome in ended):
         raise typer.Exit(RUN_FAILED)
+
+
+def _refuse(cases: list[Case]) -> None:
+    """Raise CaseError with all that the solvers of these runs object to, if they do."""
+    if sentences := refusals(cases).sentences:
+        raise CaseError("\n".join(sentences))
 
 
 # --------------------------------------------------------------------------------------------------- judge
@@ -331,7 +350,7 @@ def _has_runs(case: Case, out: Path) -> bool:
 
 def _print_problems(console: Console, summary: dict[str, Any]) -> None:
     for case in summary["cases"]:
-        for sentence in failed_runs(case):
+        for sentence in (*failed_runs(case), *suspect_runs(case)):
             console.print(f"{case['case']}: run {sentence}")
         for check in case["checks"]:
             if check["verdict"] in ("FAIL", "MISSING"):

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.loading import Traction
+from cases.mesh_arrays import MeshError
 from fem_reference.element_basis import ElementBasis
-from fem_reference.mesh.arrays import MeshError
 
 
 def traction_forces(case: Case, basis: ElementBasis) -> list[tuple[Traction, NDArray]]:

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 import skfem
+from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from cases import Case
 from cases.geometry import Box, Shape
-from cases.notches import CellsNotch, Segment, SlitNotch
-from cases.spacing import grid_blocks
-from fem_reference.mesh.arrays import (
+from cases.mesh_arrays import (
     Floats,
     Integers,
     MeshArrays,
     MeshError,
+    edge_lengths,
     joined,
     signed_areas,
 )
-from fem_reference.mesh.files import read_mesh_file
+from cases.mesh_files import SAME_PLACE, hanging_node, mesh_slits, read_mesh_file
+from cases.notches import CellsNotch, Segment, SlitNotch
+from cases.spacing import grid_blocks
 from fem_reference.mesh.quads import rectangles
 from fem_reference.mesh.slits import split_slits
 from fem_reference.mesh.triangles import (
@@ -36,12 +38,15 @@ from fem_reference.mesh.triangles import (
     snapped,
     triangulate,
 )
+from numerics.built import check_notches_part
 
 __all__ = ["Mesh", "MeshError", "build_mesh"]
 
 # What to do about a slit that the mesh does not follow.
 REMEDY_QUADS = 'set mesh.element = "triangle"'
 REMEDY_TRIANGLES = 'move it into a body, or make it a notch of kind "cells"'
+REMEDY_FINER = 'make mesh.h no more than half of it, or set mesh.element = "triangle"'
+REMEDY_FINER_FILE = "draw the notch as edges in the mesh file"
 REMEDY_FILE = "draw the slit as edges in the mesh file"
 # Triangles that netgen makes in the square of the wanted size, and where it is held to it in a box: 4 / sqrt(3) would be
 # equilateral ones of that size.
@@ -72,7 +77,7 @@ def build_mesh(case: Case) -> Mesh:
 
     Shapes with axis-parallel edges become cells of `cases.spacing.grid_lines` unless mesh.element = "triangle"; with
     that, or as soon as one body has another shape, all shapes are filled with triangles. A body given as a file keeps the
-    file's elements. Bodies that share an edge share its nodes, except with bodies from files.
+    file's elements. Bodies that share an edge share its nodes; in dynamics bodies from files stay apart.
     Notches of kind "slit" are opened, those of kind "cells" left out, those of kind "history" passed over.
 
     Raises MeshError, a CaseError: one sentence with the case's file, the key and the remedy.
@@ -121,7 +126,7 @@ def _opened_mesh(case: Case) -> MeshArrays:
         for index, body in enumerate(case.bodies.values())
         if body.mesh
     ]
-    remedy = REMEDY_FILE if parts else remedy
+    remedy, finer = (REMEDY_FILE, REMEDY_FINER_FILE) if parts else (remedy, REMEDY_FINER)
     if shapes and uses_quads(case):
         parts.append(_without_notches(case, rectangles(case, list(shapes))))
     elif shapes:
@@ -130,13 +135,19 @@ def _opened_mesh(case: Case) -> MeshArrays:
         parts.append(_triangles(case, shapes, outlines, list(slits.values())))
     _check_one_kind(case, parts)
     mesh = joined(parts)
+    if case.dynamics is None:
+        mesh = _welded(mesh, np.repeat(np.arange(len(parts)), [len(part.points) for part in parts]))
     _check_no_body_is_gone(case, mesh)
-    return split_slits(mesh, slits, remedy)
+    mesh = split_slits(mesh, slits, remedy)
+    check_notches_part(case, mesh.centres(), mesh.cells, case.mesh.h, finer)
+    return mesh
 
 
 def _slits(case: Case) -> dict[str, Segment]:
-    """Notches of kind "slit" by their keys in the file."""
-    return {f"notches[{n}]": notch for n, notch in enumerate(case.notches) if isinstance(notch, SlitNotch)}
+    """Notches of kind "slit" by their keys in the file, less those that a mesh file has open already."""
+    slits = {f"notches[{n}]": notch for n, notch in enumerate(case.notches) if isinstance(notch, SlitNotch)}
+    is_open = [slit for body in case.bodies.values() if body.mesh for slit in mesh_slits(body.mesh)]
+    return {key: slit for key, slit in slits.items() if not any(slit.lies_on(other) for other in is_open)}
 
 
 def _without_notches(case: Case, mesh: MeshArrays) -> MeshArrays:
@@ -200,6 +211,25 @@ def _check_one_kind(case: Case, parts: list[MeshArrays]) -> None:
     if len({part.cells.shape[1] for part in parts}) > 1:
         remedy = 'mesh the file with triangles and set mesh.element = "triangle"'
         raise MeshError(f"bodies: {', '.join(case.bodies)} mix triangles and quadrilaterals; {remedy}")
+
+
+def _welded(mesh: MeshArrays, part: Integers) -> MeshArrays:
+    """The mesh with one node where nodes of several parts (n_points,) lie on each other; what one doubles stays so."""
+    if not part.any():
+        return mesh
+    near = SAME_PLACE * edge_lengths(mesh.points, mesh.cells).min()
+    pairs = cKDTree(mesh.points).query_pairs(near, output_type="ndarray")
+    pairs = pairs[part[pairs[:, 0]] != part[pairs[:, 1]]]
+    number = np.arange(len(mesh.points))
+    for first, other in pairs[np.lexsort(pairs.T[::-1])]:
+        number[other] = number[first]
+    mesh = replace(mesh, cells=number[mesh.cells]).without_unused_points()
+    if (place := hanging_node(mesh)) is not None:
+        raise MeshError(
+            f"bodies: at ({place[0]:.6g}, {place[1]:.6g}) a node of one lies within an element's edge of another; give"
+            " the meshes common nodes where bodies touch"
+        )
+    return mesh
 
 
 def _check_no_body_is_gone(case: Case, mesh: MeshArrays) -> None:

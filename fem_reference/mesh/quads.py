@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cases import Case
+from cases.mesh_arrays import Floats, MeshArrays, MeshError
 from cases.spacing import SAME_LINE, grid_lines
-from fem_reference.mesh.arrays import Floats, MeshArrays, MeshError
 
 # Part of h by which the mesh of a rectangle may miss its sides: both of two lines may have been drawn to one between.
 SIDES_MISSED = 2 * SAME_LINE

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from cases.notches import Segment
-from fem_reference.mesh.arrays import (
+from cases.mesh_arrays import (
     EdgeTable,
     Integers,
     MeshArrays,
@@ -19,6 +18,7 @@ from fem_reference.mesh.arrays import (
     edge_lengths,
     edge_table,
 )
+from cases.notches import Segment
 
 # Part of the shortest edge within which a point counts as lying on a slit: meshes read from files carry
 # rounding of single precision, and no element is as thin as this.

@@ -18,8 +18,8 @@ from netgen.geom2d import SplineGeometry
 from shapely.geometry.base import BaseGeometry
 
 from cases.geometry import Circle, Shape
+from cases.mesh_arrays import Floats, Integers, MeshArrays, MeshError, signed_areas
 from cases.notches import CellsNotch, Segment
-from fem_reference.mesh.arrays import Floats, Integers, MeshArrays, MeshError, signed_areas
 
 # Netgen takes a size as a wish: inside a region of one wanted size, edges come out up to 1.2 times as long.
 # Asking for this share of the size gives a median edge within a tenth of the size itself.

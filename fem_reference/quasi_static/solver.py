@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.mesh_arrays import MeshError
+from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
 from fem_reference.quasi_static import displacement_kernels as kernels
 from fem_reference.quasi_static.equilibrium import MeshEquilibrium
 from fem_reference.quasi_static.phase_field import MeshPhaseField
+from numerics.built import check_support, parts_of_nodes
 from numerics.costs import Costs
 from numerics.element_quality import scaled_jacobian
 from numerics.exact_errors import exact_errors
@@ -66,12 +69,25 @@ class TrialState:
 
 @dataclass(frozen=True)
 class Geometry:
-    """What strain is measured on: slopes, volumes, and the displacement and its gradient that were there before."""
+    """What strain is measured on: slopes, volumes, and the displacement and its gradient that were there before.
+
+    dilation : (n_el, n_gauss, k, 2) of B-bar, of no elements without it
+    """
 
     slope: NDArray
     volume: NDArray
     displacement: NDArray
     gradient: NDArray
+    dilation: NDArray
+
+    @classmethod
+    def of(cls, case: Case, slope: NDArray, volume: NDArray, displacement: NDArray, gradient: NDArray) -> Geometry:
+        """With the dilation, where the case asks for elements that do not lock."""
+        dilation = np.zeros((0, 0, 0, 0))
+        if case.mesh.locking_free:
+            mean = np.einsum("eq,eqai->eai", volume, slope) / volume.sum(axis=1)[:, None, None]
+            dilation = 0.5 * (mean[:, None] - slope)
+        return cls(slope, volume, displacement, gradient, dilation)
 
 
 class FiniteElements:
@@ -84,9 +100,12 @@ class FiniteElements:
         self.case, self.costs = case, Costs()
         materials = MaterialTable(case)
         self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))
+        if case.mesh.locking_free and basis.elements.shape[1] == 3:
+            raise MeshError(f"{case.source}: mesh.locking_free: linear triangles have no B-bar; mesh with quadrilaterals")
         self._law = materials.law, basis.body.astype(np.uint32)
         self._equilibrium = MeshEquilibrium(case, basis, self.costs)
         constraints, breaks = self._equilibrium.constraints, bool(materials.breakable.any())
+        self._check_support(constraints)
         self._fracture = MeshPhaseField(case, basis, materials, constraints, self.costs) if breaks else None
         coefficients = PhaseFieldCoefficients(materials, basis.body[:, None])
         self._residual_stiffness = coefficients.residual_stiffness
@@ -98,13 +117,18 @@ class FiniteElements:
             cells=len(basis.elements),
         )
 
+    def _check_support(self, constraints: NodeConstraints) -> None:
+        basis = self.basis
+        part = parts_of_nodes(basis.elements, len(basis.nodes))
+        check_support(self.case, constraints.holds(part), part[basis.elements[:, 0]], basis.body)
+
     def _set_states(self, coefficients: PhaseFieldCoefficients) -> None:
         basis, shape, load = self.basis, self.basis.volume.shape, self.case.load.path[0]
         toughness, length_scale = (
             np.broadcast_to(values, shape) for values in (coefficients.toughness, coefficients.length_scale)
         )
         displacement, gradient = np.zeros((len(basis.nodes), 2)), np.zeros((*shape, 4))
-        self.geometry = Geometry(basis.slope, basis.volume, displacement, gradient)
+        self.geometry = Geometry.of(self.case, basis.slope, basis.volume, displacement, gradient)
         self.committed = CommittedState(
             displacement=displacement,
             gradient=gradient,
@@ -166,7 +190,7 @@ class FiniteElements:
             element = int(np.unravel_index(stretch.argmin(), stretch.shape)[0])
             raise NewtonError(f"element {element} has turned inside out")
         slope, volume = basis.slope @ np.linalg.inv(deformation), basis.volume * stretch
-        self.geometry = Geometry(slope, volume, committed.displacement, committed.gradient)
+        self.geometry = Geometry.of(self.case, slope, volume, committed.displacement, committed.gradient)
         if self._fracture:
             self._fracture.measure_on(slope, volume)
 
@@ -213,8 +237,9 @@ class FiniteElements:
         trial, geometry = self.trial, self.geometry
         moved = trial.displacement - geometry.displacement
         kernels.displacement_gradients(self.basis.elements, geometry.slope, moved, geometry.gradient, trial.gradient)
+        kernels.even_dilation(self.basis.elements, geometry.dilation, moved, trial.gradient)
         kernels.internal_forces(
-            geometry.slope, geometry.volume, trial.gradient, trial.degradation, *self._law,
+            geometry.slope, geometry.dilation, geometry.volume, trial.gradient, trial.degradation, *self._law,
             self._equilibrium.local.vectors, trial.stress, trial.energy,
         )  # fmt: skip
 
@@ -222,8 +247,9 @@ class FiniteElements:
         """Newton step -K^-1 R with the consistent tangent (Eq. 3.59)."""
         with self.costs.timed("assembly"):
             stiffness = np.maximum(self.trial.degradation, TORN_STIFFNESS)
+            geometry = self.geometry
             kernels.tangents(
-                self.geometry.slope, self.geometry.volume, self.trial.gradient, stiffness, *self._law,
+                geometry.slope, geometry.dilation, geometry.volume, self.trial.gradient, stiffness, *self._law,
                 self._equilibrium.local.matrices,
             )  # fmt: skip
             values = self._equilibrium.tangent()

@@ -64,11 +64,11 @@ class ExplicitMaterialPoints:
         case = self.case
         if case.mesh.fine is not None:
             raise GridError(f"{case.source}: mesh.fine: explicit material points need a uniform grid; remove it.")
-        for number, notch in enumerate(case.notches):
+        for notch in case.all_notches:
             if notch.kind == "slit":
                 raise GridError(
-                    f"{case.source}: notches[{number}].kind: a slit opens a grid that stays, this one moves; give"
-                    ' kind = "cells" or "history".'
+                    f"{case.source}: notches: the slit from {list(notch.start)} to {list(notch.end)} would open a grid"
+                    ' that stays, this one moves; give kind = "cells" or "history".'
                 )
 
     def _start_from_exact(self) -> None:

@@ -18,6 +18,7 @@ from cases.geometry import Circle
 from mpm.grid import Grid, GridError
 from mpm.placement import PointCloud
 from mpm.quasi_static.point_basis import PointBasis
+from numerics.built import Holds
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.exact import MOTIONS
@@ -204,6 +205,10 @@ class NodeMotions:
                 prescribed[unknowns] = True
         return prescribed, master
 
+    def holds(self, part: NDArray) -> Holds:
+        """What they hold of nodes in connected parts (n_nodes,)."""
+        return _holds(self._motions, [m.positions for m in self._motions], part)
+
     def prescribe(self, increment: NDArray, load: float, before: float) -> None:
         """Set what is prescribed of an increment (n_nodes, 2) of the displacement between two loads, in place."""
         for motion in self._motions:
@@ -249,6 +254,10 @@ class PointPenalty:
         self._unknowns = 2 * basis.active.nodes_of_points()[self.places] + self.component[:, None]
         self._equations, self._size = equations[self._unknowns], size
         self._first_master = size - self.n_tied
+
+    def holds(self, positions: NDArray, part: NDArray) -> Holds:
+        """What they hold of points at positions (n_points, 2) in connected parts (n_points,)."""
+        return _holds(self._motions, [positions[m.places] + m.offset for m in self._motions], part)
 
     def displaced(self, before: NDArray, increment: NDArray) -> NDArray:
         """Displacement (n_springs,) after a grid increment (n_nodes, 2) on top of the one before (n_springs,)."""
@@ -320,6 +329,13 @@ class PointPenalty:
         if largest == 0.0:
             return 0.0
         return float(np.abs(self._gap(displacement, load, tied)).max() / largest)
+
+
+def _holds(motions: list[PrescribedMotion], places: list[NDArray], part: NDArray) -> Holds:
+    numbers = np.concatenate([m.places for m in motions]).astype(int) if motions else np.zeros(0, int)
+    component = _joined([np.full(len(m.places), m.component) for m in motions], int)
+    tied = _joined([np.full(len(m.places), n if m.tied else -1) for n, m in enumerate(motions)], int)
+    return Holds(np.concatenate([np.zeros((0, 2)), *places]), component, part[numbers], tied)
 
 
 def node_motions(case: Case, grid: Grid) -> NodeMotions:

@@ -10,14 +10,15 @@ from typing import Literal
 from cases import Case, Check, load_case
 from numerics.status import RunStatus
 from verify.judging.baseline import BaselineRow, Key, key_of, read_baseline
-from verify.judging.targets import require_sense, target_of, value_of
+from verify.judging.targets import JudgeError, require_sense, target_of, value_of
 from verify.metrics.curves import CurveError
+from verify.metrics.health import INDICATORS, suspicions
 from verify.metrics.metric import NothingToCompareError
 from verify.metrics.registry import find_metric
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, partial_folder, run_path
 
 CheckVerdict = Literal["PASS", "FAIL", "MISSING", "INFO"]
-CaseVerdictName = Literal["PASS", "FAIL", "RUN_FAILED", "NOT_CHECKED", "MISSING"]
+CaseVerdictName = Literal["PASS", "FAIL", "RUN_FAILED", "NOT_CHECKED", "MISSING", "SUSPECT"]
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,14 @@ class RunState:
 
     status : of run.json, or why there is no such folder that fits the case file.
     run : the folder, present when the run ended well and belongs to the case as it stands.
+    suspicions : a sentence for each indicator of its health record beyond the limit, but for what the case accepts.
     """
 
     folder: Path
     status: RunStatus
     reason: str
     run: RunFolder | None = None
+    suspicions: tuple[str, ...] = ()
 
     @property
     def failed(self) -> bool:
@@ -71,7 +74,7 @@ class CaseVerdict:
 
     @property
     def verdict(self) -> CaseVerdictName:
-        """A failed run outweighs a check out of tolerance, that outweighs a missing target."""
+        """A failed run outweighs a check out of tolerance, that a missing target, that a run that is suspect."""
         gated = {result.verdict for result in self.checks if result.check.gate}
         if any(state.failed for state in self.runs.values()):
             return "RUN_FAILED"
@@ -79,6 +82,8 @@ class CaseVerdict:
             return "FAIL"
         if "MISSING" in gated:
             return "MISSING"
+        if any(state.suspicions for state in self.runs.values()):
+            return "SUSPECT"
         return "PASS" if gated else "NOT_CHECKED"
 
 
@@ -98,7 +103,8 @@ def find_run(case: Case, run_name: str, out: Path) -> RunState:
     if found.info["case_hash"] != load_case(case.source, case.tier, run_name).hash():
         return RunState(folder, RunStatus.CHANGED, "computed for another version of the case file; run it again")
     status = as_expected(found.info["status"], case, run_name)
-    return RunState(folder, status, found.info["reason"], found if status.good else None)
+    told = suspicions(found.info.get("health", {}), case.run_spec(run_name).accepts)
+    return RunState(folder, status, found.info["reason"], found if status.good else None, tuple(told))
 
 
 def find_runs(case: Case, out: Path) -> dict[str, RunState]:
@@ -128,6 +134,10 @@ def checks_of(case: Case) -> list[Check]:
     ------
     JudgeError : a check that no result could ever answer.
     """
+    for family, run in case.runs.items():
+        for name in run.accepts.keys() - INDICATORS.keys():
+            known = ", ".join(INDICATORS)
+            raise JudgeError(f"{case.source}: runs.{family}.accepts.{name}: is no indicator; name one of {known}.")
     applying = case.applying_checks()
     for number, check in applying:
         require_sense(case, number, check)
@@ -156,7 +166,7 @@ class Judge:
         try:
             value = self.value(check)
             target = self.target(check)
-            distance = find_metric(check.metric).error(value, target, check.error_kind)
+            distance = find_metric(check.metric).error(value, target, check.measure)
         except (UnavailableError, NothingToCompareError) as missing:
             return self._without_error(check, "MISSING", value, source, str(missing))
         except (CurveError, RunFolderError, ValueError) as error:

@@ -20,7 +20,7 @@ from verify.runs.atomic import write_table, write_text
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolder, RunFolderError
 
-EXIT_CODES = {"PASS": 0, "FAIL": 1, "MISSING": 1, "RUN_FAILED": 2, "NOT_CHECKED": 4}
+EXIT_CODES = {"PASS": 0, "FAIL": 1, "MISSING": 1, "SUSPECT": 1, "RUN_FAILED": 2, "NOT_CHECKED": 4}
 CURVE_COLUMNS = ["u", "F_reference", "F", "relative_error_percent"]
 
 
@@ -99,6 +99,8 @@ def _run_entry(state: RunState, out: Path) -> Json:
         "counters": info.get("counters", {}),
         "seconds": info.get("seconds", {}),
         "measures": info.get("measures", {}),
+        "health": info.get("health", {}),
+        "suspicions": list(state.suspicions),
     } | {key: info.get(key) for key in kept}
 
 
@@ -125,7 +127,7 @@ def _check_entry(result: CheckResult, case: Case) -> Json:
         "unit": metric_unit(check.metric, case),
         "error": _number(result.error),
         "limit": check.limit,
-        "error_kind": check.error_kind,
+        "measure": check.measure,
         "margin_used": _number(result.margin_used),
         "verdict": result.verdict,
         "reason": check.reason,
@@ -173,7 +175,7 @@ def _curve_entries(judged: CaseVerdict, out: Path) -> tuple[list[Json], list[str
     for run, other in _curve_pairs(judged):
         try:
             entries.append(_curve_entry(judged, run, other, out))
-        except CurveError as error:
+        except (CurveError, RunFolderError) as error:
             problems.append(f"{run} vs {other}: {error}")
     return entries, problems
 
@@ -201,7 +203,10 @@ def _file_name(run: str) -> str:
 def _crack_path_entries(judged: CaseVerdict) -> list[Json]:
     entries = []
     for run, other in _pairs(judged):
-        one, two = (_crack(judged, name) for name in (run, other))
+        try:
+            one, two = (_crack(judged, name) for name in (run, other))
+        except RunFolderError:  # damaged, which its checks tell
+            continue
         if len(one) > 1 and len(two) > 1:
             distances = {"hausdorff": _number(hausdorff(two, one)), "mean": _number(mean_distance(two, one))}
             entries.append({"pair": f"{run} vs {other}", "run": run, "reference": other} | distances)

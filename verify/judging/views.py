@@ -25,7 +25,7 @@ def check_sentence(check: Json) -> str:
     if check["error"] is None:
         return check["note"] or "no value"
     target = "" if check["target"] is None else f", target {check['target']:.6g}"
-    kind = "relative" if check["error_kind"] == "relative" and check["target"] is not None else "absolute"
+    kind = "relative" if check["measure"] == "relative" and check["target"] is not None else "absolute"
     return (
         f"value {check['value']:.6g}{target}, {kind} error {check['error']:.3g}, limit {check['limit']:.3g}"
     )
@@ -35,6 +35,11 @@ def failed_runs(case: Json) -> list[str]:
     """One sentence for each run that the solver did not bring to a good end."""
     runs = case["runs"].items()
     return [f"{n}: {r['status']}: {r['reason']}" for n, r in runs if RunStatus(r["status"]).failed]
+
+
+def suspect_runs(case: Json) -> list[str]:
+    """One sentence for each doubt that the health record of a run raises."""
+    return [f"{name}: suspect: {told}" for name, entry in case["runs"].items() for told in entry["suspicions"]]
 
 
 def junit_xml(summary: Json) -> str:
@@ -63,6 +68,8 @@ def _junit_run(suite: ElementTree.Element, case: Json, name: str, entry: Json) -
         ElementTree.SubElement(test, "error", message=f"{entry['status']}: {entry['reason']}")
     elif not status.good:
         ElementTree.SubElement(test, "skipped", message=f"{entry['status']}: {entry['reason']}")
+    elif entry["suspicions"]:
+        ElementTree.SubElement(test, "failure", message=f"suspect: {'; '.join(entry['suspicions'])}")
 
 
 def _junit_check(suite: ElementTree.Element, case: Json, check: Json) -> None:
@@ -83,7 +90,7 @@ def _junit_counts(suite: ElementTree.Element) -> None:
 
 def checks_csv(summary: Json) -> str:
     """One row for each check of each case; a text that spreadsheets would run gets an apostrophe before it."""
-    columns = ["case", "tier", "metric", "run", "against", "value", "target", "error", "limit", "error_kind",
+    columns = ["case", "tier", "metric", "run", "against", "value", "target", "error", "limit", "measure",
                "margin_used", "verdict", "gate", "reason", "source", "note"]  # fmt: skip
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
@@ -109,7 +116,7 @@ def markdown(summary: Json) -> str:
     lines += ["| case | verdict | checks passed | largest share of a limit |", "|---|---|---|---|"]
     lines += [_markdown_row(case) for case in summary["cases"]]
     for case in summary["cases"]:
-        problems = [f"- {sentence}" for sentence in failed_runs(case)]
+        problems = [f"- {sentence}" for sentence in (*failed_runs(case), *suspect_runs(case))]
         bad = (check for check in case["checks"] if check["verdict"] in ("FAIL", "MISSING"))
         problems += [f"- {c['verdict']}: {check_name(c)}: {check_sentence(c)}" for c in bad]
         if problems:

@@ -61,8 +61,8 @@ def crack_path(fields: Fields, case: Case) -> Array:
 def trace_case_crack(points: ArrayLike, phase_field: ArrayLike, case: Case) -> CrackPath:
     """``trace_crack`` with the cell size and, where there is one notch, the start that the case states."""
     start, notch, reach = None, None, None
-    if len(case.notches) == 1:
-        only = case.notches[0]
+    if len(case.all_notches) == 1:
+        only = case.all_notches[0]
         start = np.asarray(only.end, dtype=float)
         notch = np.array([only.start, only.end], dtype=float) if only.kind == "history" else None
         reach = max(CELLS_OF_REACH * case.mesh.h, _width_of_fourth_order(case)) if notch is not None else None

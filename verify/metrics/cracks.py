@@ -122,8 +122,8 @@ def _release_rate(
 def _last_part(reference: Array, phase_field: Array, case: Case, length: float) -> tuple[Array, Array]:
     """Start and tip of the last part of a length of the crack, its notch included where there is one only."""
     path = paths.trace_case_crack(reference, phase_field, case).points
-    if len(case.notches) == 1:
-        notch = np.array([case.notches[0].start, case.notches[0].end], dtype=float)
+    if len(case.all_notches) == 1:
+        notch = np.array([case.all_notches[0].start, case.all_notches[0].end], dtype=float)
         goes_on = len(path) > 0 and np.allclose(path[0], notch[1])
         path = np.vstack([notch[:1], path]) if goes_on else path if len(path) else notch
     if not len(path):

@@ -57,9 +57,9 @@ def branches_of(run: RunData, until: float = np.inf) -> list[Branch]:
 
 def _notch(case: Case) -> tuple[Array | None, Array | None]:
     """End of the only notch, and the whole of it where it is part of the phase field."""
-    if len(case.notches) != 1:
+    if len(case.all_notches) != 1:
         return None, None
-    only = case.notches[0]
+    only = case.all_notches[0]
     whole = np.array([only.start, only.end], dtype=float)
     return whole[1], whole if only.kind == "history" else None
 
@@ -123,10 +123,10 @@ def crack_direction(run: RunData, *, until: float = np.inf) -> float:
 
     The tip is the point farthest from the notch's end of those beyond it that broke in the run.
     """
-    if len(run.case.notches) != 1:
-        notches = f"has {len(run.case.notches)} notches, not one to run from"
+    if len(run.case.all_notches) != 1:
+        notches = f"has {len(run.case.all_notches)} notches, not one to run from"
         raise MetricError(f"{run_name(run)}: {notches}; ask for branch_angle")
-    (notch,) = run.case.notches
+    (notch,) = run.case.all_notches
     data, broken_at = _broken_at(run)
     away = _plane(data)[(broken_at > 0.0) & (broken_at <= until)] - np.asarray(notch.end)
     away = away[away @ np.subtract(notch.end, notch.start) > 0.0]

@@ -72,7 +72,7 @@ class Plan:
             ("regime", _regime(case)),
             ("bodies", ", ".join(f"{name}: {_regime_of(case, body)}" for name, body in case.bodies.items())),
             ("solver", f"{case.run_spec(self.run).solver}: {said.basis}"),
-            ("notch", ", ".join(NOTCHES[notch.kind] for notch in case.notches) or "none"),
+            ("notch", ", ".join(NOTCHES[notch.kind] for notch in case.all_notches) or "none"),
             ("cells", f"{said.cells}; {said.fine}"),
             ("points", f"{said.points}"),
             ("unknowns", f"{said.unknowns_displacement} of u, {said.unknowns_phase_field} of c"),

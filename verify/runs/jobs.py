@@ -15,7 +15,7 @@ from typing import Any
 
 from rich.console import Console
 
-from cases import Case, load_case
+from cases import Case, CaseError, load_case
 from numerics.status import RunStatus
 from verify.runs.atomic import WriteError
 from verify.runs.cluster import LostTask, results
@@ -76,11 +76,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a job ended, in words."""
+    """How a job ended, in words; one that was refused computed nothing because of a mistake in the case."""
 
     title: str
     line: str
     failed: bool
+    refused: bool = False
 
 
 def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator[Outcome]:
@@ -108,9 +109,9 @@ def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator
 
 def _in_a_process(job: Job) -> Outcome:
     """By a fresh process: the thread count of a used one is fixed, its memory not its own, and its end not theirs."""
-    with ProcessPoolExecutor(1, mp_context=_fresh_processes()) as pool:
+    with ProcessPoolExecutor(1, mp_context=_fresh_processes(), initializer=_watch_parent) as pool:
         try:
-            return pool.submit(_do_for_parent, job).result()
+            return pool.submit(do, job).result()
         except BrokenProcessPool:
             return Outcome(job.title, f"its process ended before it; {job.folder()}: {GO_ON}", True)
 
@@ -146,11 +147,11 @@ def _fresh_processes() -> multiprocessing.context.BaseContext:
     return context
 
 
-def _do_for_parent(job: Job) -> Outcome:
+def _watch_parent() -> None:
+    """From the start: a parent may be killed before it has given its process anything to do."""
     # a shell starts what runs in its background with interrupts ignored, and children take that over
     signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    return do(job)
 
 
 def _end_with_parent() -> None:
@@ -162,7 +163,7 @@ def _end_with_parent() -> None:
 
 
 def do(job: Job) -> Outcome:
-    """One run from start to end; a failure to write is a failed run, not the end of the others."""
+    """One run from start to end; a failure to write or a refusal is a failed run, not the end of the others."""
     finished = None if job.force else job.finished()
     try:
         with _listeners(job, finished) as listeners:
@@ -172,6 +173,8 @@ def do(job: Job) -> Outcome:
             )  # fmt: skip
     except WriteError as error:
         return Outcome(job.title, str(error), True)
+    except CaseError as error:
+        return Outcome(job.title, str(error), True, refused=True)
     return _outcome(job, done, finished is not None)
 
 

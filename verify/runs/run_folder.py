@@ -78,6 +78,7 @@ class RunInfo(BaseModel):
     counters: dict[str, int] = {}
     seconds: dict[str, float] = {}
     measures: dict[str, float | None] = {}
+    health: dict[str, float | None] = {}
     threads: int = 1
     memory_mb: float = 0.0
     resumed_after_step: int | None = None
@@ -94,6 +95,19 @@ def case_folder(out: Path, case: "Case", run: str) -> Path:
     if not case.change:
         return run_path(out, case.name, case.tier, run)
     return run_path(out, case.name, case.tier, "varied") / case.hash()
+
+
+def require_own_folder(folder: Path, case: "Case") -> None:
+    """Raise RunFolderError where the folder holds the run of another case file, which is still there."""
+    try:
+        other = RunFolder(folder).info["case_source"]
+    except RunFolderError:  # nothing that could be lost
+        return
+    if other and Path(other) != Path(case.source).resolve() and not case.change and Path(other).is_file():
+        raise RunFolderError(
+            f"{case.source}: its results would replace those of {other} in {folder}, since both cases are called "
+            f"{case.name!r}; rename one of the two or choose another place with --out."
+        )
 
 
 def partial_folder(folder: Path) -> Path:

@@ -225,6 +225,17 @@ class RunWriter(Listener):
             for stopped in itertools.takewhile(Path.exists, self._places_aside()):
                 shutil.rmtree(stopped, ignore_errors=True)
 
+    def discard(self) -> None:
+        """Leave nothing behind of a run that its solver refuses."""
+        shutil.rmtree(self.partial, ignore_errors=True)
+
+    def history(self) -> pd.DataFrame:
+        """What has been written of it, without rows of a run that has none."""
+        try:
+            return pd.read_csv(self.partial / "history.csv")
+        except pd.errors.EmptyDataError:
+            return pd.DataFrame(columns=list(HISTORY_COLUMNS))
+
     def _checksums(self) -> dict[str, str]:
         files = ["history.csv", "crack_path.csv", "fields/index.csv"]
         files += [file for row in self._index for file in row[3:]]

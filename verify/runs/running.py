@@ -23,10 +23,13 @@ from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError,
 from verify.runs.frames import FrameWriter
 from verify.runs.listeners import Listener, ObservedDiscretisation, SettledVerdict, StoppedError
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
-from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder
+from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder, require_own_folder
 from verify.runs.run_writer import RunWriter
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from numerics.fields import Fields
     from numerics.records import Record
 
 DEFAULT_OUT = Path("reports/out")
@@ -130,6 +133,7 @@ def run(
     merged = case_for_run(case, run_name, tier)
     folder = case_folder(Path(out), merged, run_name)
     finished = None if force else up_to_date(merged, folder)
+    require_own_folder(folder, merged)
     return finished or _compute(merged, run_name, folder, listeners, threads, resume)
 
 
@@ -149,9 +153,13 @@ def _compute(
             settled = [SettledVerdict(case)] if case.rocking and case.rocking.stop_when_settled else []
             attempt = _Attempt(case, run_name, after, [files, frames, checkpoints, *listeners, *settled])
             attempt.solve(note, files.partial / "traceback.txt")
+            attempt.examine(files.history())
             info = attempt.info() | {"threads": threads, "memory_mb": round(memory.megabytes, 1)}
             info["resumed_after_step"] = after.record.step if after else None
             files.close(info, attempt.crack_path)
+    except CaseError:
+        files.discard()
+        raise
     except KeyboardInterrupt as stopped:
         raise InterruptedRunError(
             f"Stopped: what was computed so far is in {files.partial} and will not be taken for a result; "
@@ -178,7 +186,9 @@ class _Attempt:
         self.status, self.reason = RunStatus.COMPLETE, ""
         self.seconds: dict[str, float] = {}
         self.measures: dict[str, float] = {}
+        self.health: dict[str, float] = {}
         self.crack_path = np.empty((0, 2))
+        self._fields: Fields | None = None
 
     def solve(self, note: str, trace: Path) -> None:
         """From the case to the last state; a solver's failure becomes the status ``failed``."""
@@ -246,11 +256,18 @@ class _Attempt:
         """The last good state: its fields, what only the solver can tell, and the crack."""
         from verify.metrics.crack_path import crack_path
 
-        fields = discretisation.fields()
+        self._fields = fields = discretisation.fields()
         for listener in self.listeners:
             listener.finish(discretisation, fields)
         self.measures = {name: float(value) for name, value in discretisation.measures().items()}
         self.crack_path = crack_path(fields, self.case)
+
+    def examine(self, history: "pd.DataFrame") -> None:
+        """The health record of what was computed."""
+        from verify.metrics.health import health
+
+        if RunStatus(self.status).good:
+            self.health = health(self.case, history, self._fields, self.measures)
 
     def info(self) -> dict[str, Any]:
         """Contents of run.json."""
@@ -266,6 +283,7 @@ class _Attempt:
             "reason": self.reason,
             "case_hash": self.case.hash(),
             "change": self.case.change,
+            "health": {name: round(value, 12) for name, value in self.health.items()},
             "code_version": code_version(),
             "source_hash": source_hash(),
             "versions": library_versions(),

@@ -250,7 +250,7 @@ class MapStudy:
         try:
             metric = find_metric(judged.metric)
             value = metric(run, **judged.parameters)
-            error = metric.error(value, self._target(judged, run), judged.error_kind)
+            error = metric.error(value, self._target(judged, run), judged.measure)
         except NO_VALUE as problem:
             return Verdict(NOT_POSSIBLE, **(told | {"reason": str(problem)}))
         return Verdict(self._accuracy(error), value=value, error=error, **told)
@@ -262,7 +262,7 @@ class MapStudy:
                 raise ValueError("the map's reference left no result")
             return find_metric(judged.metric)(reference, **judged.parameters)
         check = check_of(
-            judged.metric, run.info["run"], judged.against, error_kind=judged.error_kind, parameters=judged.parameters
+            judged.metric, run.info["run"], judged.against, measure=judged.measure, parameters=judged.parameters
         )
         return target_of(check, self.case, lambda _: run)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cases import CaseError
+from cases.errors import CaseError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -1,0 +1,107 @@
+"""Whether what was built is what was drawn: notches that part the body, bodies that are held.
+
+Each discretisation asks before anything is computed, by places that see unknowns: elements their nodes, material points
+the functions of their cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from cases import Case, CaseError
+from cases.notches import CellsNotch
+
+#: below this share of the largest, a singular value of the constraints on rigid motions is none
+_RANK = 1e-7
+
+
+class BuiltError(CaseError):
+    """What was built is not what was drawn; the message is one sentence that ends with the remedy."""
+
+
+@dataclass(frozen=True)
+class Holds:
+    """What constraints hold: n components of places.
+
+    place : (n, 2) [length]. component : (n,) 0 for x, 1 for y. part : (n,) of the body that the place belongs to.
+    tied : (n,) number of the group that shares one free displacement, -1 where it is prescribed.
+    """
+
+    place: NDArray
+    component: NDArray
+    part: NDArray
+    tied: NDArray
+
+    def joined(self, other: Holds) -> Holds:
+        """Both; groups of tied places must be of one of the two alone."""
+        return Holds(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
+
+
+def parts_of_nodes(nodes: NDArray, n_nodes: int) -> NDArray:
+    """Number (n_nodes,) of the connected part of each node, from those (n, k) that each place sees."""
+    first, other = np.repeat(nodes[:, 0], nodes.shape[1] - 1), nodes[:, 1:].ravel()
+    graph = coo_array((np.ones(len(first), dtype=bool), (first, other)), shape=(n_nodes, n_nodes))
+    return connected_components(graph, directed=False)[1]
+
+
+def check_notches_part(case: Case, places: NDArray, nodes: NDArray, reach: float, remedy: str) -> None:
+    """Raise BuiltError where places on both sides of a notch of left-out cells see the same node.
+
+    places : (n, 2) of what is left. nodes : (n, k) that each of them sees. reach : [length] how far a node is seen; so
+    near to the ends of a notch it need not part anything.
+    """
+    for number, notch in enumerate(case.notches):
+        if not isinstance(notch, CellsNotch):
+            continue
+        along, aside = notch.coordinates(places)
+        beside = (along > reach) & (along < notch.length - reach) & (np.abs(aside) < 0.5 * notch.width + reach)
+        left, right = (np.unique(nodes[beside & side]) for side in (aside > 0.0, aside < 0.0))
+        if len(np.intersect1d(left, right)):
+            raise BuiltError(
+                f"{case.source}: notches[{number}].width = {notch.width:g}: with mesh.h = {case.mesh.h:g} the two sides"
+                f" of the left-out cells hang together; {remedy}"
+            )
+
+
+def check_support(case: Case, holds: Holds, part: NDArray, body: NDArray) -> None:
+    """Raise BuiltError where a part can move as a rigid body.
+
+    part, body : (n,) the connected part and the body of each place
+    """
+    names = list(case.bodies)
+    for number in np.unique(part):
+        of_part = holds.part == number
+        free = _free_motions(holds.place[of_part], holds.component[of_part], holds.tied[of_part])
+        if free:
+            bodies = ", ".join(names[index] for index in np.unique(body[part == number]))
+            raise BuiltError(
+                f"{case.source}: constraints: {bodies} can {free} freely; hold it there, or join it to a body that is"
+                " held"
+            )
+
+
+def _free_motions(place: NDArray, component: NDArray, tied: NDArray) -> str:
+    """The rigid motions that nothing holds, in words; empty where there are none."""
+    middle = place.mean(axis=0) if len(place) else np.zeros(2)
+    from_middle = place - middle
+    scale = np.abs(from_middle).max(initial=0.0) or 1.0
+    turning = np.where(component == 0, -from_middle[:, 1], from_middle[:, 0]) / scale
+    rows = np.column_stack([component == 0, component == 1, turning]).astype(float)
+    held = np.concatenate([rows[tied < 0], *_differences(rows, tied), np.zeros((1, 3))])
+    if np.linalg.matrix_rank(held, tol=_RANK * max(1.0, np.abs(held).max()) * np.sqrt(len(held))) == 3:
+        return ""
+    free = [word for column, word in ((0, "move in x"), (1, "move in y")) if not np.any(held[:, column])]
+    return " and ".join(free) or "turn"
+
+
+def _differences(rows: NDArray, tied: NDArray) -> Iterator[NDArray]:
+    """What is held by tying: rows less the first one of their group."""
+    for group in np.unique(tied[tied >= 0]):
+        members = rows[tied == group]
+        yield members[1:] - members[:1]

@@ -1,0 +1,36 @@
+"""A minute of attacks; an hour of them by hand, see ``python -m tests.attack --help``."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cases import load_case
+from cases.judging import TIERS
+
+from . import ATTACKS
+from .harness import attack
+from .large_cases import LARGE
+from .toml_text import toml_text
+
+
+@pytest.mark.parametrize("what", LARGE)
+def test_a_large_case_is_checked_in_a_moment(what: str, tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_text(toml_text(LARGE[what]()), encoding="utf-8")
+    started = time.process_time()
+    for tier in TIERS:
+        load_case(path, tier)
+    assert time.process_time() - started < 10.0
+
+
+# a kill of a solver takes a minute each
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are bounded and watched as Linux can")
+@pytest.mark.parametrize("kind", [kind for kind in ATTACKS if kind != "kill_solver"])
+def test_nothing_is_found_in_a_moment(kind: str) -> None:
+    findings = attack(ATTACKS[kind], seed=1, numbers=range(200), seconds=10.0)
+    assert findings.count > 0
+    assert not findings.finds, findings.finds

@@ -1,0 +1,143 @@
+"""Each indicator of the health record is tripped by a small case of its kind, and not by a sound one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import CaseError, case_from_tables, load_case
+from tests.test_strangers import PLATE, plate, slit
+from verify.judging.judge import JudgeError, checks_of
+from verify.judging.summary import compare
+from verify.metrics.health import INDICATORS, health, suspicions
+from verify.runs import running
+from verify.runs.running import DISCRETISATIONS
+
+BREAKABLE = {"steel": {"young": 210.0, "poisson": 0.3, "fracture": {"toughness": 0.0027, "length_scale": 0.1}}}
+BAR: dict[str, Any] = {
+    **PLATE,
+    "bodies": {"bar": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 0.2]}}}},
+    "boundaries": {},
+    "constraints": [
+        {"on": "left", "direction": "x", "value": 0},
+        {"on": "left", "direction": "y", "value": 0},
+        {"on": "right", "direction": "x", "scale": 1},
+    ],
+    "mesh": {"h": 0.1},
+}
+
+
+def examined(case, tmp_path, run: str) -> dict[str, float]:
+    """The health record of a run."""
+    return running.run(case, run, out=tmp_path, threads=1).info["health"]
+
+
+def beyond(found: dict[str, float]) -> set[str]:
+    return {name for name, value in found.items() if value > INDICATORS[name].limit}
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_sound_run_has_nothing_beyond_a_limit(solver, tmp_path):
+    found = examined(case_from_tables({**BAR, "materials": BREAKABLE}, run=solver), tmp_path, solver)
+    assert {"energy_balance", "phase_field_range"} <= found.keys()
+    assert not suspicions(found, {})
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_faces_of_a_slit_that_is_pressed_overlap(solver, tmp_path):
+    pressed = [*PLATE["constraints"][:2], {"on": "top", "direction": "y", "scale": -1}]
+    notches = [slit(0.5, 1.5)]
+    assert beyond(examined(plate(solver, notches=notches, constraints=pressed), tmp_path, solver)) == {"face_overlap"}
+    assert not beyond(examined(plate(solver, notches=notches), tmp_path / "open", solver))
+
+
+@pytest.mark.parametrize(
+    ("mpm", "tripped"),
+    [
+        ({"order": 2, "points_per_cell": 1}, "quadrature"),
+        ({"order": 2, "placement": "random", "points_per_cell": 2, "seed": 1}, "scatter"),
+        ({"order": 1, "penalty": 1.0}, "constraint_error"),
+    ],
+)
+def test_points_that_integrate_badly_or_are_hardly_held(mpm, tripped, tmp_path):
+    case = case_from_tables({**BAR, "mesh": {"h": 0.05}, "mpm": mpm}, run="mpm")
+    assert tripped in beyond(examined(case, tmp_path, "mpm"))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_an_incompressible_cantilever_locks(solver, tmp_path):
+    bent = [*BAR["constraints"][:2], {"on": "right", "direction": "y", "scale": 1}]
+    for ratio, locks in ((0.3, False), (0.4999, True)):
+        materials = {"steel": {"young": 210.0, "poisson": ratio}}
+        case = case_from_tables({**BAR, "materials": materials, "constraints": bent}, run=solver)
+        assert ("locking" in beyond(examined(case, tmp_path / str(ratio), solver))) == locks
+
+
+def test_elements_with_b_bar_do_not_lock_and_have_the_consistent_tangent(tmp_path):
+    bent = [*BAR["constraints"][:2], {"on": "right", "direction": "y", "scale": 1}]
+    changed = {"materials": {"steel": {"young": 1000.0, "poisson": 0.4999}}, "constraints": bent, "mpm": {"order": 2}}
+    rod = {"bar": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [10, 1]}}}}
+    tables = {**BAR, **changed, "bodies": rod, "mesh": {"h": 0.25, "locking_free": True}}
+    case = case_from_tables(tables, run="fem")
+    folder = running.run(case, "fem", out=tmp_path, threads=1)
+    assert not beyond(folder.info["health"])
+    # cantilever: 3 E' I u / (L^3 + shear)
+    expected = 3.0 * 1000.0 / (1.0 - 0.4999**2) / 12.0 * 1e-3 / 1000.0
+    assert folder.history["F"].iloc[-1] == pytest.approx(expected, rel=0.05)
+    assert folder.history["newton"].iloc[-1] <= 2
+    for solver, change in (("mpm", {"mpm": {"order": 1}}), ("fem", {"mesh": {**tables["mesh"], "element": "triangle"}})):
+        with pytest.raises(CaseError, match="locking_free: "):
+            DISCRETISATIONS[solver](case_from_tables({**tables, **change}, run=solver))
+
+
+def test_a_history_that_does_not_balance_and_a_phase_field_below_zero(tmp_path):
+    case = case_from_tables({**BAR, "materials": BREAKABLE}, run="fem")
+    folder = running.run(case, "fem", out=tmp_path, threads=1)
+    history = folder.history.assign(W_ext=1.3 * folder.history["W_ext"], c_min=folder.history["c_min"] - 1.07)
+    assert beyond(health(case, history, None, {})) == {"phase_field_range"}  # broken: its balance means nothing
+    history["c_min"] = 0.9
+    assert beyond(health(case, history, None, {})) == {"energy_balance"}
+
+
+def test_an_unbreakable_body_that_falls_apart(tmp_path):
+    case = case_from_tables({**BAR}, run="mpm")
+    fields = running.run(case, "mpm", out=tmp_path, threads=1).fields()
+    right = fields.reference[:, 0] > 0.5
+    fields.points[right] += np.array([0.3, 0.0])
+    assert health(case, pd.DataFrame(), fields, {})["numerical_fracture"] == 1
+
+
+def test_a_suspect_run_fails_its_case_unless_the_case_accepts_it(tmp_path):
+    file = tmp_path / "bar.toml"
+    text = """
+title = "Bar"
+requirement = "One point in a cell is too few."
+units = { length = "mm", force = "kN" }
+plane = { assumption = "strain" }
+materials.steel = { young = 210.0, poisson = 0.3 }
+bodies.bar = { material = "steel", shape = { rectangle = { lower = [0, 0], upper = [1, 0.2] } } }
+constraints = [
+    { on = "left", direction = "x", value = 0 },
+    { on = "left", direction = "y", value = 0 },
+    { on = "right", direction = "x", scale = 1 },
+]
+load = { path = [0.0, 0.001], increment = 1e-3 }
+mesh = { h = 0.1 }
+mpm = { order = 1, points_per_cell = 1 }
+checks = [{ metric = "peak_force", run = "mpm", against = "value:0.047", limit = 0.1, reason = "E A eps" }]
+runs.mpm = { solver = "mpm"ACCEPTS }
+"""
+    file.write_text(text.replace("ACCEPTS", ""), encoding="utf-8")
+    running.run(file, "mpm", out=tmp_path, threads=1)
+    entry = compare(file, out=tmp_path)
+    assert entry["verdict"] == "SUSPECT"
+    assert "points_per_cell = 2" in entry["runs"]["mpm"]["suspicions"][0]
+    accepted = ', accepts = { quadrature = "shown on purpose" }'
+    file.write_text(text.replace("ACCEPTS", accepted), encoding="utf-8")
+    assert compare(file, out=tmp_path)["verdict"] == "PASS"
+    file.write_text(text.replace("ACCEPTS", accepted.replace("quadrature", "quadratur")), encoding="utf-8")
+    with pytest.raises(JudgeError, match=r"accepts\.quadratur: is no indicator"):
+        checks_of(load_case(file))

@@ -1,0 +1,194 @@
+"""The health record of a run: whether its method stayed within the range in which its numbers mean something.
+
+Each indicator is a number with a limit; a run beyond one is suspect, which fails its case with the sentence what to do.
+A case that shows a failure on purpose says so at the run, in its table ``accepts``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from cases import Case
+from cases.notches import Segment
+from cases.solvers import SOLVERS
+from numerics.fields import Fields
+from physics.elasticity import MaterialTable
+from verify.metrics.histories import missing_energy
+
+
+@dataclass(frozen=True)
+class Indicator:
+    """A number of the health record: what it means, up to where a run is sound, and what to do beyond."""
+
+    meaning: str
+    limit: float
+    remedy: str
+
+
+INDICATORS = {
+    "energy_balance": Indicator(
+        "largest energy that is missing or too much, over the largest that there is",
+        0.1, "shorten the load increment or the time step, or make mesh.h smaller",
+    ),
+    "phase_field_range": Indicator(
+        "how far the phase field leaves 0 to 1", 0.05, "make mesh.h smaller than a quarter of the length scale",
+    ),
+    "face_overlap": Indicator(
+        "how far the faces of a slit have gone through each other, over the largest displacement",
+        0.01, 'give the notch kind = "history" or "cells" with a split, or none where it stays closed',
+    ),
+    "locking": Indicator(
+        "share of the elastic energy in volume changes that alternate from point to point",
+        0.05, "set mesh.locking_free = true, or mpm.order = 2",
+    ),
+    "quadrature": Indicator(
+        "share of the volume in cells with fewer than 2 x 2 material points",
+        0.05, "set mpm.points_per_cell = 2 or more",
+    ),
+    "scatter": Indicator(
+        "how far the points' middle lies from the cell's middle, over h (root mean square)",
+        0.05, 'set mpm.placement = "regular" or "gauss"',
+    ),
+    "numerical_fracture": Indicator(
+        "pieces that a body which cannot break has fallen into", 0.0,
+        "make mesh.h smaller, set mpm.points_per_cell = 3 or a larger mpm.order, or load it less far",
+    ),
+    "constraint_error": Indicator(
+        "largest distance of a held place from where it should be, over the largest displacement",
+        0.01, "raise mpm.penalty",
+    ),
+}  # fmt: skip
+
+
+def health(case: Case, history: pd.DataFrame, fields: Fields | None, measures: Mapping[str, float]) -> dict[str, float]:
+    """The indicators that apply to a run, from its history, its last state and what its solver tells."""
+    found = {name: value for name, value in measures.items() if name in INDICATORS}
+    found |= _of_history(case, history)
+    if fields is not None:
+        found |= _of_fields(case, fields)
+    return {name: float(value) for name, value in found.items() if np.isfinite(value)}
+
+
+def suspicions(found: Mapping[str, float | None], accepted: Mapping[str, str]) -> list[str]:
+    """One sentence for each indicator beyond its limit that is not accepted."""
+    return [
+        f"{indicator.meaning} is {value:.3g}, more than {indicator.limit:g}; {indicator.remedy}"
+        for name, indicator in INDICATORS.items()
+        if name not in accepted and (value := found.get(name)) is not None and value > indicator.limit
+    ]
+
+
+def _of_history(case: Case, history: pd.DataFrame) -> dict[str, float]:
+    if not len(history):
+        return {}
+    found = {"phase_field_range": max(0.0, -float(history["c_min"].min()))} if case.fracture_enabled else {}
+    rows = history if case.dynamics else history[history["c_min"].to_numpy() >= _WHOLE]
+    if len(rows) > 1 and case.exact is None:
+        held = (rows["E_el"] + rows["E_frac"] + rows["E_kin"]).to_numpy(float)
+        scale = max(np.ptp(rows["W_ext"].to_numpy(float)), np.max(held - rows["E_frac"].iloc[0]))
+        if scale > 0.0:
+            found["energy_balance"] = float(np.abs(missing_energy(rows)).max() / scale)
+    return found
+
+
+#: a quasi-static run is held to its balance while nothing is broken: what a crack sets free in a jump, no state keeps
+_WHOLE = 0.5
+
+
+def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
+    found = {}
+    if case.fracture_enabled:
+        found["phase_field_range"] = float(max(0.0, fields.phase_field.max() - 1.0, -fields.phase_field.min()))
+    slits = [notch for notch in case.all_notches if notch.kind == "slit"]
+    if slits and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
+        found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
+    found |= _locking(case, fields)
+    by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
+    pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
+    return found | ({"numerical_fracture": float(sum(pieces))} if pieces else {})
+
+
+def _least_opening(slit: Segment, fields: Fields, h: float) -> float:
+    """Least distance of the faces of a slit [length], averaged over stretches of two cells; 0 where none is seen.
+
+    Displacements next to the slit are carried on to it by their gradients.
+    """
+    along, aside = slit.coordinates(fields.reference)
+    near = (along > 0.0) & (along < slit.length) & (np.abs(aside) < h)
+    if not near.any():
+        return 0.0
+    x, y = slit.direction
+    normal = np.array([-y, x])
+    slope = np.einsum("i,nij,j->n", normal, fields.gradient[near].reshape(-1, 2, 2), normal)
+    face = fields.displacement[near] @ normal - aside[near] * slope
+    stretch = np.minimum((along[near] / (2.0 * h)).astype(int), max(0, int(slit.length / (2.0 * h)) - 1))
+    upper, lower = (_means(stretch[side], face[side]) for side in (aside[near] > 0, aside[near] < 0))
+    return min((upper[key] - lower[key] for key in upper.keys() & lower.keys()), default=0.0)
+
+
+def _means(key: NDArray, value: NDArray) -> dict[int, float]:
+    return {int(k): float(value[key == k].mean()) for k in np.unique(key)}
+
+
+def _locking(case: Case, fields: Fields) -> dict[str, float]:
+    """Of bodies that hardly change their volume; cells of 2 h are large enough to hold some triangles."""
+    bulk = _bulk_modulus(case)[fields.body]
+    stiff = bulk > 0.0
+    total = float((fields.energy_density * fields.volume)[stiff].sum())
+    if total <= 0.0:
+        return {}
+    change = fields.gradient[:, 0] + fields.gradient[:, 3]
+    _, cell = np.unique(np.floor(fields.reference / (2.0 * case.mesh.h)).astype(int), axis=0, return_inverse=True)
+    volume = np.bincount(cell.ravel(), fields.volume)
+    mean = np.bincount(cell.ravel(), fields.volume * change) / volume
+    alternating = 0.5 * bulk * (change - mean[cell.ravel()]) ** 2 * fields.volume
+    return {"locking": float(alternating[stiff].sum()) / total}
+
+
+#: Poisson's ratio above which plane strain may lock
+_NEARLY_INCOMPRESSIBLE = 0.45
+
+
+def _bulk_modulus(case: Case) -> NDArray:
+    """Of each body [stress]; 0 where it can change its volume."""
+    table = MaterialTable(case)
+    ratio = table.lame_lambda / (2.0 * (table.lame_lambda + table.shear_modulus))
+    locks = (ratio > _NEARLY_INCOMPRESSIBLE) & (case.plane.assumption == "strain")
+    return np.where(locks, table.lame_lambda + table.shear_modulus, 0.0)
+
+
+def _whole_bodies(case: Case, fields: Fields) -> Iterator[int]:
+    """Bodies that have not broken anywhere."""
+    for number in range(len(case.bodies)):
+        of_body = fields.body == number
+        if of_body.any() and fields.phase_field[of_body].min() > _WHOLE:
+            yield number
+
+
+def _pieces(case: Case, fields: Fields, body: int) -> int:
+    """Pieces of a body's points as they lie now beyond those of the start, by cells of h that touch."""
+    of_body = fields.body == body
+    now, before = (_connected(p[of_body] / case.mesh.h) for p in (fields.points, fields.reference))
+    return max(0, now - before)
+
+
+def _connected(places: NDArray) -> int:
+    """Connected groups of the unit cells that places (n, 2) lie in, across corners too."""
+    cells = np.unique(np.floor(places + _ASIDE).astype(np.int64), axis=0)
+    size = np.ptp(cells, axis=0) + 1
+    if size.prod() > _MOST_CELLS:
+        return len(cells)
+    filled = np.zeros(size, bool)
+    filled[tuple((cells - cells.min(axis=0)).T)] = True
+    return int(label(filled, np.ones((3, 3)))[1])
+
+
+_MOST_CELLS = 20_000_000
+#: shifts the cells from round places, on which rounding would decide
+_ASIDE = 0.2137
