@@ -65,6 +65,9 @@ class Case(CaseDescription):
             _enter_mesh(tables["boundaries"][name], boundary.mesh, boundary.group)
             if boundary.mesh is None:
                 tables["boundaries"][name].pop("mesh", None)
+        if self.dynamics and self.dynamics.ground and self.dynamics.ground.table:
+            content = self.dynamics.ground.table.read_bytes()
+            tables["dynamics"]["ground"]["table"] = hashlib.sha256(content).hexdigest()
         spec = self.run_spec(self.run) if self.run else None
         tables["solver"] = spec.solver if spec else None
         if spec and spec.foreign:

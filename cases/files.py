@@ -43,8 +43,8 @@ def read_text(path: Path) -> str:
     return path.read_text(encoding="utf-8-sig")
 
 
-def read_curve(path: Path) -> NDArray[np.float64]:
-    """Force over displacement, (n, 2) with columns u, F, from a CSV file; lines starting with # are comments.
+def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.float64]:
+    """Two columns (n, 2), force over displacement if not others, of a CSV file; lines starting with # are comments.
 
     Raises
     ------
@@ -56,21 +56,23 @@ def read_curve(path: Path) -> NDArray[np.float64]:
         raise BrokenRuleError("cannot be read as text", "save it as UTF-8 CSV", value=path.name) from None
     rows = [line.split(",") for line in lines if line and not line.startswith("#")]
     header = [name.strip() for name in rows[0]] if rows else []
-    if not {"u", "F"} <= set(header):
-        remedy = 'start it with the line "u,F"'
-        raise BrokenRuleError("has no columns u and F" if header else "is empty", remedy, value=path.name)
-    columns = header.index("u"), header.index("F")
+    if not set(columns) <= set(header):
+        remedy = f'start it with the line "{",".join(columns)}"'
+        text = f"has no columns {' and '.join(columns)}" if header else "is empty"
+        raise BrokenRuleError(text, remedy, value=path.name)
     if len(rows) == 1:
         raise BrokenRuleError("has no rows", "add the points of the curve", value=path.name)
-    return np.array([_row(row, columns, number, path) for number, row in enumerate(rows[1:], 1)])
+    places = header.index(columns[0]), header.index(columns[1])
+    values = [_row(row, places) for row in rows[1:]]
+    wrong = next((number for number, row in enumerate(values, 1) if not np.all(np.isfinite(row))), None)
+    if wrong is not None:
+        text = f"has no finite {' and '.join(columns)} in row {wrong}"
+        raise BrokenRuleError(text, "correct or remove the row", value=path.name)
+    return np.array(values)
 
 
-def _row(row: list[str], columns: tuple[int, int], number: int, path: Path) -> tuple[float, ...]:
+def _row(row: list[str], places: tuple[int, int]) -> tuple[float, ...]:
     try:
-        values = tuple(float(row[column]) for column in columns)
+        return tuple(float(row[place]) for place in places)
     except (ValueError, IndexError):
-        values = (float("nan"),)
-    if not np.all(np.isfinite(values)):
-        remedy = "correct or remove the row"
-        raise BrokenRuleError(f"has no finite u and F in row {number}", remedy, value=path.name)
-    return values
+        return (float("nan"),)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cases.errors import BrokenRuleError
+from cases.ground import Ground, Settling
 from cases.table import Name, Switch, Table
 from cases.units import Acceleration, Length, Number, Rate, Stress, Time, Velocity, quantity
 
@@ -135,7 +136,7 @@ class Dynamics(Table):
 
     Attributes
     ----------
-    end_time : the run goes from 0 to here [time]
+    end_time : the run goes from 0, or from the start of the settling, to here [time]
     time_step : [time]; without it, `time_step_share` of what `time_step_rule` gives
     time_step_rule : the bound that is proven for the basis and any cloud of points, or "courant" = h / c, of
         which the thesis takes 0.8
@@ -147,6 +148,8 @@ class Dynamics(Table):
     order_of_update : strains before ("usl", as Algorithm 3) or after ("musl") the points' velocities, which are
         then mapped to the grid again
     rotation : "additive" sums small strains in fixed axes (Eq. 6.41); "corotational" turns them with the material
+    settling : a damped stage before time 0 in which gravity comes on
+    ground : how the ground moves from time 0 on
     """
 
     end_time: Annotated[Time, Field(gt=0)]
@@ -159,6 +162,13 @@ class Dynamics(Table):
     affine: Switch = False
     order_of_update: Literal["musl", "usl"] = "usl"
     rotation: Literal["additive", "corotational"] = "corotational"
+    settling: Settling | None = None
+    ground: Ground | None = None
+
+    @property
+    def start_time(self) -> float:
+        """Time at which the run begins: that of the motion is counted from 0 [time]."""
+        return -self.settling.duration if self.settling else 0.0
 
     @model_validator(mode="after")
     def _has_one_time_step(self) -> Dynamics:
@@ -191,7 +201,7 @@ class Traction(Table):
 
     def share(self, time: float) -> float:
         """The part of the value that acts at a time."""
-        return min(1.0, time / self.ramp) if self.ramp else 1.0
+        return min(1.0, max(0.0, time / self.ramp)) if self.ramp else 1.0
 
 
 class ContactPair(Table):

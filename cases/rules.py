@@ -13,6 +13,7 @@ from cases.errors import BrokenRuleError
 from cases.geometry import SLACK, size_of
 from cases.judging import Check
 from cases.schema import CaseDescription, changeable_tables
+from cases.solvers import SOLVERS
 from cases.splits import ROOTED_SPLITS
 from cases.studies import Map, Varied
 from cases.table import nearest, only_known
@@ -50,6 +51,7 @@ def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> 
     _bodies_are_apart(case)
     _notches_are_in_bodies(case)
     _spacing_fits_the_bodies(case)
+    _rocking_is_of_a_block(case)
     _checks_have_targets(case, checks)
     _studies_vary_runs(case)
 
@@ -106,6 +108,10 @@ def _fits_dynamics(case: CaseDescription) -> None:
         if constraint.value and constraint.direction != "phase":
             remedy = "give value = 0 or a velocity"
             raise BrokenRuleError("is a jump in time", remedy, f"constraints[{number}].value", constraint.value)
+    if case.dynamics and case.dynamics.settling and any(c.velocity for c in case.constraints):
+        number = next(number for number, c in enumerate(case.constraints) if c.velocity)
+        remedy = "remove it or dynamics.settling"
+        raise BrokenRuleError("moves while bodies settle", remedy, f"constraints[{number}].velocity")
     if case.output.snapshots:
         raise BrokenRuleError("are load parameters", "give output.times instead", "output.snapshots")
     _is_not_passed_over(case)
@@ -213,6 +219,29 @@ def _spacing_fits_the_bodies(case: CaseDescription) -> None:
     if np.max(upper - lower) > MOST_CELLS * case.mesh.h:
         text = f"asks for more than {MOST_CELLS} cells in one direction"
         raise BrokenRuleError(text, "give a larger spacing or a smaller fine box", "mesh.h", case.mesh.h)
+
+
+def _rocking_is_of_a_block(case: CaseDescription) -> None:
+    """The table rocking names a rectangle under gravity, and whatever needs the table has it."""
+    rigid = next((name for name, spec in case.run_specs().items() if SOLVERS[spec.solver].of_rigid_block), None)
+    ground = case.dynamics.ground if case.dynamics else None
+    ratio = ground and next((key for key in ("uplift_ratio", "frequency_ratio") if getattr(ground, key)), None)
+    if case.rocking is None:
+        if rigid or ratio:
+            text = f"is missing, which {rigid or ratio} needs"
+            raise BrokenRuleError(text, "name the body that rocks in it", "rocking")
+        return
+    names = list(case.bodies)
+    _defined(case.rocking.body, names, "rocking.body", "body")
+    _defined(case.rocking.on or names[0], names, "rocking.on", "body")
+    shape = case.bodies[case.rocking.body].shape
+    if shape is None or shape.rectangle is None:
+        raise BrokenRuleError("is no rectangle", "name a body of that shape", "rocking.body", case.rocking.body)
+    if case.dynamics is None:
+        raise BrokenRuleError("applies in dynamics only", "remove it or give the table dynamics", "rocking")
+    if case.dynamics.gravity[0] != 0.0 or case.dynamics.gravity[1] >= 0.0:
+        remedy = "let it act along -y"
+        raise BrokenRuleError("is not that of a block that rocks", remedy, "dynamics.gravity", case.dynamics.gravity)
 
 
 def _checks_have_targets(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> None:

@@ -21,6 +21,7 @@ from cases.material import Material
 from cases.mesh_files import mesh_slits
 from cases.notches import CellsNotch, Notch
 from cases.output import Output
+from cases.rocking import Rocking
 from cases.studies import Chart, Map
 from cases.table import Name, Table, only_known
 from cases.units import Length, Units
@@ -58,6 +59,7 @@ class CaseDescription(Table):
     dynamics: Dynamics | None = None
     tractions: tuple[Traction, ...] = ()
     contact: Contact = Contact()
+    rocking: Rocking | None = None
     mesh: Mesh
     mpm: Mpm = Mpm()
     staggered: Staggered = Staggered()

@@ -31,17 +31,24 @@ class Solver:
     by_points : its state is seen at points that move over a grid, not on a mesh
     table : in place of these three, "module:attribute" of a function from a case, its run merged in, to a
         `pandas.DataFrame` with the columns of a history, or to that and a crack path (n, 2) [length]
+    of_rigid_block : it knows a rigid block that rocks and nothing else; `quasi_static` is empty
     """
 
     name: str
     title: str
     shown: str
-    line: str
+    line: str | tuple[int, tuple[int, ...]]
     quasi_static: str = ""
     dynamic: str = ""
     describe: str = ""
     by_points: bool = False
     table: str = ""
+    of_rigid_block: bool = False
+
+
+def _of_rigid_block(name: str, title: str, line: str | tuple[int, tuple[int, ...]], made_by: str) -> Solver:
+    made_by, described = f"rigid_block:{made_by}", "rigid_block:describe"
+    return Solver(name, title, "the block and the ground", line, "", made_by, described, of_rigid_block=True)
 
 
 #: a result from elsewhere, read from a file
@@ -59,6 +66,9 @@ SOLVERS: dict[str, Solver] = {
             "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", by_points=True,
         ),
         Solver(IMPORTED, "imported", "an imported result", "-.", table="verify.runs.importing:read_foreign"),
+        _of_rigid_block("pendulum", "pendulum", (0, (3, 1, 1, 1)), "PendulumMotion"),
+        _of_rigid_block("pendulum_linear", "linear pendulum", ":", "LinearPendulumMotion"),
+        _of_rigid_block("winkler", "Winkler", (0, (5, 1)), "WinklerMotion"),
     )
 }  # fmt: skip
 #: those that come with this package

@@ -26,8 +26,8 @@ class BlewUpError(RuntimeError):
 class Balance:
     """Energies [energy] and momentum (2,) [force time] of a moving discretisation.
 
-    ``external_work`` is that of tractions, gravity, damping and prescribed motions since the start; ``external_power`` is
-    its present rate; ``contact_work`` is that of friction between the bodies, at most zero.
+    ``external_work`` is that of tractions, gravity, the moving frame, damping and prescribed motions since the start;
+    ``external_power`` is its present rate; ``contact_work`` is that of friction between the bodies, at most zero.
     """
 
     elastic: float
@@ -149,7 +149,7 @@ class Instant:
 
 
 def instants(discretisation: DynamicDiscretisation, case: Case, after: Instant | None = None) -> Iterator[Instant]:
-    """Integrate the case in time; yields the state at the start, then every so many steps.
+    """Integrate the case in time, the settling first; yields the state at the start, then every so many steps.
 
     The last one's status tells whether the end was reached or the run blew up. ``after`` goes on behind an instant
     whose state the discretisation has been restored to.
@@ -160,23 +160,25 @@ def instants(discretisation: DynamicDiscretisation, case: Case, after: Instant |
 def number_of_steps(case: Case, stable: float) -> int:
     """Equal steps to the end of a dynamic case where `stable` is the step by its rule [time]."""
     assert case.dynamics is not None
-    return int(np.ceil(case.dynamics.end_time / step_size(case, stable) * (1.0 - 1e-12)))
+    length = case.dynamics.end_time - case.dynamics.start_time
+    return int(np.ceil(length / step_size(case, stable) * (1.0 - 1e-12)))
 
 
 class _TimeMarch:
-    """Steps of equal size from 0 to the end of the run."""
+    """Steps of equal size from the start to the end of the run."""
 
     def __init__(self, discretisation: DynamicDiscretisation, case: Case, after: Instant | None) -> None:
         assert case.dynamics is not None
         self.discretisation, self.after = discretisation, after
         self.passes = case.staggered.passes
-        self.end = case.dynamics.end_time
+        self.start, self.end = case.dynamics.start_time, case.dynamics.end_time
         self.n_steps = number_of_steps(case, discretisation.stable_step())
-        self.size = self.end / self.n_steps
+        self.size = (self.end - self.start) / self.n_steps
         evenly = np.linspace(0, self.n_steps, min(case.output.records, self.n_steps) + 1)
         times = [t for t in (*case.snapshots, *case.frame_times) if t <= self.end]
+        reached = (int(np.ceil((t - self.start) / self.size * (1.0 - 1e-12))) for t in times)
         #: steps after which the state is told, snapshots and frames at the first step that reaches their time
-        self.told = {*map(int, np.round(evenly)), *(int(np.ceil(t / self.size * (1.0 - 1e-12))) for t in times)}
+        self.told = {*map(int, np.round(evenly)), *reached}
         self.started = time.perf_counter() - (after.seconds if after else 0.0)
         self.energy_at_start = after.energy_at_start if after else discretisation.balance().total
 
@@ -189,9 +191,9 @@ class _TimeMarch:
         begin = self.after.step if self.after else 0
         for step in range(begin, self.n_steps):
             try:
-                self.discretisation.step(step * self.size, self.size)
+                self.discretisation.step(self._time(step), self.size)
             except BlewUpError as error:
-                yield self._instant(step + 1, f"step {step + 1} at t = {(step + 1) * self.size:.6g}: {error}")
+                yield self._instant(step + 1, f"step {step + 1} at t = {self._time(step + 1):.6g}: {error}")
                 return
             self.discretisation.costs.count["steps"] += 1
             if step + 1 in self.told:
@@ -200,12 +202,15 @@ class _TimeMarch:
                 if instant.is_last:
                     return
 
+    def _time(self, step: int) -> float:
+        return self.start + step * self.size
+
     def _instant(self, step: int, problem: str = "") -> Instant:
         balance, seconds = self.discretisation.balance(), time.perf_counter() - self.started
         problem = problem or self._growth(step, balance)
         return Instant(
             step=step,
-            time=step * self.size,
+            time=self._time(step),
             balance=balance,
             energy_at_start=self.energy_at_start,
             c_min=self.discretisation.least_phase_field(),

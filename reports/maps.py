@@ -27,8 +27,10 @@ FAILURES = {
     "timeout": ("#8a8f98", "T"),
     "not possible": ("#eceef1", ""),
     "slides": ("#F0E442", ""),
+    "overturned after impacts": ("#E69F00", ""),
+    "overturned without impact": ("#D55E00", ""),
 }
-GOOD = ("stable", "holds")
+GOOD = ("stable", "holds", "safe")
 #: a power that is no surer than this is not told
 SURE = 0.25
 ACCURATE = ("#0072B2", "#56B4E9", "#A6D3F0", "#D6EAF8")

@@ -18,7 +18,9 @@ from markupsafe import Markup, escape
 
 from cases import UserError
 
-from . import charts, curves, fields, film, maps, motion, orientations, scene, style, surface, sweeps, tables, words
+from . import (  # isort: skip
+    charts, curves, fields, film, maps, motion, orientations, rocking, scene, style, surface, sweeps, tables, words,
+)  # fmt: skip
 from .pages import fill_page
 from .results import READING_ERRORS, CaseResults, read_summary
 
@@ -53,6 +55,8 @@ SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
 MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Surface energy", surface.surface_energy),
     ("Motion", film.film),
+    ("Angle", rocking.angles),
+    ("Ground", rocking.ground),
     ("Energies", motion.energies),
     ("Crack tips", motion.tip_speed),
     ("Phase field", film.phase_field),
@@ -68,7 +72,7 @@ MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
 # Sections whose first figure is the main curve of a page; the first of them that is drawn stands on top.
 MAIN_CURVES = (
     "Convergence", "Critical values", "Values over what was swept", "Critical load over orientation",
-    "Load and displacement", "Crack tips", "Energies",
+    "Load and displacement", "Crack tips", "Angle", "Energies",
 )  # fmt: skip
 
 

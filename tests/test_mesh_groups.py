@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fem_reference.mesh.files import read_mesh_file
 
 from cases import Case, CaseError, case_from_tables
+from cases.mesh_files import read_mesh_file
 from numerics.description import describe
 from verify.runs.running import DISCRETISATIONS, solver_records
 

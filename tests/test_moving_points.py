@@ -193,7 +193,7 @@ def test_normals_that_agree_are_counted_where_bodies_approach(approach):
     solver = ExplicitMaterialPoints(case_of({"a": square(0.0, velocity=[speed, 0.0]), "b": square(1.0)}))
     for body in solver.bodies:
         body.map_to_grid()
-        body.find_trial_velocities(0.01)
+        body.find_trial_velocities(0.01, np.zeros(2), 0.0)
     solver.contact.detect()
     solver.contact._touching[0][3].opposed[:] = False
     solver.contact.exchange(0.01)

@@ -27,6 +27,7 @@ from verify.judging.acceptance import accept
 from verify.judging.judge import checks_of, find_runs
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.views import check_name, check_sentence, counts, failed_runs, suspect_runs
+from verify.runs.atomic import write_table
 from verify.runs.jobs import Job, outcomes
 from verify.runs.provenance import code_version
 from verify.runs.refusals import refusals
@@ -225,6 +226,43 @@ def surface(case: CaseArgument, tier: TierOption = "standard", out: OutOption = 
     console = _console()
     console.print(table)
     console.print(f"Figures and data: {out / 'surface' / loaded.name}")
+
+
+@app.command()
+def borders(
+    case: CaseArgument,
+    tier: TierOption = "standard",
+    run_names: RunOption = None,
+    ratios: Annotated[
+        list[float] | None, typer.Option("--ratio", min=0.1, help="frequency of the pulse over p; may be repeated")
+    ] = None,
+    out: OutOption = DEFAULT_OUT,
+) -> None:
+    """Tell where a pendulum or Winkler run's verdict changes with the amplitude of its pulse.
+
+    Amplitudes are over that which lifts the block. Writes them as CSV too.
+
+    Examples: `verify borders rocking_pendulum --run pendulum --ratio 3 --ratio 5` · `verify borders rocking_winkler`
+    """
+    from rigid_block.verdicts import borders_of, model_of
+
+    base, rows = load_case(case, tier), []
+    asked: list[float | None] = [*ratios] if ratios else [None]
+    for name in selected_runs(base, run_names):
+        solver = base.run_spec(name).solver
+        if not SOLVERS[solver].of_rigid_block:
+            continue
+        for ratio in asked:
+            change = {"rocking": {"borders": []}, "dynamics": {"ground": {"frequency_ratio": ratio}}} if ratio else {}
+            loaded = load_case(case, tier, name, change)
+            found = borders_of(loaded, model_of(loaded, solver))
+            rows += [(name, solver, ratio, border.amplitude, str(border.below), str(border.above)) for border in found]
+    table = pd.DataFrame(rows, columns=["run", "solver", "frequency_ratio", "uplift_ratio", "below", "above"])
+    file = out / "borders" / f"{base.name}.csv"
+    write_table(file, table)
+    console = _console()
+    console.print(table.to_string(index=False) if rows else "No run of a rigid block changes its verdict.")
+    console.print(f"Written to {file}")
 
 
 @app.command()

@@ -13,6 +13,7 @@ from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
 from fem_reference.explicit.loads import traction_forces
 from fem_reference.explicit.strain_and_forces import Strain, element_forces, gather_at_nodes
+from physics.moving_frame import MovingFrame
 
 
 @dataclass
@@ -51,7 +52,7 @@ class MovingNodes:
         """``density`` (n_el,)."""
         assert case.dynamics is not None
         n_nodes, corners = len(basis.nodes), basis.elements.ravel()
-        self._basis, self._damping = basis, case.dynamics.damping
+        self._basis, self._frame, self._damping = basis, MovingFrame(case), 0.0
         self._corners = np.argsort(corners, kind="stable")
         self._starts = np.searchsorted(corners[self._corners], np.arange(n_nodes + 1))
         share = np.einsum("qa,eq->ea", basis.shape, basis.volume) * density[:, None]
@@ -59,7 +60,6 @@ class MovingNodes:
         self.held = constraints.prescribed.reshape(-1, 2)
         self.held_velocity = constraints.prescribed_velocity().reshape(-1, 2)
         self._tractions = traction_forces(case, basis)
-        self._gravity = self.mass[:, None] * np.asarray(case.dynamics.gravity)
         self.inner_forces, self.applied = np.zeros((n_nodes, 2)), np.zeros((n_nodes, 2))
         self.acceleration = np.zeros((n_nodes, 2))
         self._element_forces = np.empty((len(basis.elements), 2 * basis.elements.shape[1]))
@@ -70,7 +70,8 @@ class MovingNodes:
         element_forces(basis.slope, basis.volume, phase_field, residual_stiffness, strain, local)
         gather_at_nodes(self._starts, self._corners, local, self.inner_forces)
         pulls = sum(traction.share(now) * forces for traction, forces in self._tractions)
-        self.applied = self._gravity + pulls
+        self.applied = self.mass[:, None] * self._frame.acceleration(now) + pulls
+        self._damping = self._frame.damping(now)
         self.acceleration = (self.applied - self.inner_forces) / self.mass[:, None]
         self.acceleration[self.held] = 0.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,18 @@ class BodyMotion:
         spin = turning / (lattice.h * inertia) if inertia > LEAST_INERTIA * square else 0.0
         place = lattice.origin + lattice.h * (body.window.corner + middle)
         return cls(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
+
+
+def body_angle(body: MovingBody, reference: NDArray) -> float:
+    """Angle by which a body has turned [rad], counter-clockwise, within ±pi: that of atan2(Σ m X×x, Σ m X·x).
+
+    reference : (n, 2) first places of all points, about whose centre of mass X is, as x about the present one [length].
+    """
+    mass = body.points.matter.mass
+    first, present = reference[body.points.number], body.positions()
+    first, present = (places - (mass @ places) / mass.sum() for places in (first, present))
+    cross = first[:, 0] * present[:, 1] - first[:, 1] * present[:, 0]
+    return math.atan2(float((mass * cross).sum()), float((mass * (first * present).sum(axis=1)).sum()))
 
 
 @njit(cache=True, parallel=True)

@@ -144,11 +144,14 @@ class MovingBody:
                 window.strips, points.motion, points.matter, points.gradient, self.lattice.h, window.width, window.sums
             )
 
-    def find_trial_velocities(self, step: float) -> None:
-        """Velocities of the nodes before the step and without contact after it."""
+    def find_trial_velocities(self, step: float, acceleration: NDArray, damping: float) -> None:
+        """Velocities of the nodes before the step and without contact after it.
+
+        acceleration : (2,) of all free bodies [length/time²]. damping : rate at which velocities fall [1/time].
+        """
         window, velocities = self.window, self.window.velocities
-        gravity = (0.0, 0.0) if self.rigid else self._dynamics.gravity
-        trial_velocities(window.width, step, *gravity, self._dynamics.damping, window.sums, velocities)
+        x, y = (0.0, 0.0) if self.rigid else (float(a) for a in acceleration)
+        trial_velocities(window.width, step, x, y, damping, window.sums, velocities)
         if self.rigid:
             velocities.vx[:], velocities.vy[:] = self.rigid_velocity
 
@@ -229,10 +232,15 @@ class MovingBody:
             return crack.g * crack.psi_plus + crack.psi_minus
         return 0.5 * (e.sxx * e.exx + e.syy * e.eyy + e.sxy * e.gxy)
 
-    def damping_power(self) -> float:
+    def damping_power(self, rate: float) -> float:
         """Power of the damping in this step, at most zero [energy/time]."""
-        v, rate = self.window.velocities, self._dynamics.damping
+        v = self.window.velocities
         return -rate * float((self.window.sums.m * (v.old_x * v.vx + v.old_y * v.vy)).sum()) if rate else 0.0
+
+    def moved(self) -> NDArray:
+        """Mass times velocity (2,) with which the points go in this step [force time]."""
+        sums, v = self.window.sums, self.window.velocities
+        return np.array([float((sums.m * v.vx).sum()), float((sums.m * v.vy).sum())])
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Everything that the next step needs, in the points' present order."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.body_fields import fields_of
-from mpm.explicit.body_motion import BodyMotion
+from mpm.explicit.body_motion import BodyMotion, body_angle
 from mpm.explicit.contact import Contact
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.phase_field import PointPhaseField
@@ -23,6 +23,7 @@ from numerics.explicit import Balance
 from numerics.fields import Fields
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
+from physics.moving_frame import MovingFrame
 from physics.phase_field import initial_history
 
 #: columns of the history for each body
@@ -42,6 +43,7 @@ class ExplicitMaterialPoints:
         assert case.dynamics is not None
         self.case, self.costs = case, Costs()
         self._check()
+        self._frame, self._now = MovingFrame(case), case.dynamics.start_time
         self.cloud = cloud or place_in_bodies(case)
         self.bodies = [MovingBody(case, number, self.cloud) for number in range(len(case.bodies))]
         self._moving = [body for body in self.bodies if not body.rigid]
@@ -54,8 +56,7 @@ class ExplicitMaterialPoints:
             PointPhaseField(case, number, body, self.costs) for number, body in enumerate(self.bodies) if body.breakable
         ]
         self._break_notches()
-        self._boundary_work = self._boundary_power = 0.0
-        self._start = _first_moment(self._motions())
+        self._outer_work = self._boundary_power = 0.0
         self._updates_last = case.dynamics.order_of_update == "musl"
         self.costs.count["points"] = len(self.cloud.positions)
 
@@ -162,15 +163,20 @@ class ExplicitMaterialPoints:
     def _move(self, now: float, size: float) -> None:
         """Trial velocities, contact, and the points' motion from what is mapped to the grid."""
         with self.costs.timed("grid"):
+            acceleration, damping = self._frame.acceleration(now + 0.5 * size), self._frame.damping(now)
             for body in self.bodies:
-                body.find_trial_velocities(size)
+                body.find_trial_velocities(size, acceleration, damping)
             impulses = self._hold(now)
         with self.costs.timed("contact"):
             self.contact.detect()
             self.contact.exchange(size)
         with self.costs.timed("grid"):
-            self._count_boundary_work(impulses + self._hold(now), size)
+            self._count_boundary_work(impulses + self._hold(now), size, damping)
         self._update(now, size)
+        if not self._frame.at_rest:
+            moved = np.sum([body.moved() for body in self._moving], axis=0)
+            self._outer_work += size * float(acceleration @ moved)
+        self._now = now + size
 
     def _update(self, now: float, size: float) -> None:
         """Velocities, places, strains and stresses of the points."""
@@ -194,10 +200,10 @@ class ExplicitMaterialPoints:
         """Prescribe velocities; the impulses (n_lines,) that it takes [force time]."""
         return np.array([line.apply(now) for line in self._lines])
 
-    def _count_boundary_work(self, impulses: NDArray, size: float) -> None:
+    def _count_boundary_work(self, impulses: NDArray, size: float, damping: float) -> None:
         work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
-        work += size * (self._tractions.power() + sum(body.damping_power() for body in self._moving))
-        self._boundary_work += work
+        work += size * (self._tractions.power() + sum(body.damping_power(damping) for body in self._moving))
+        self._outer_work += work
         self._boundary_power = work / size
 
     # ---------------------------------------------------------------- what can be seen
@@ -205,15 +211,13 @@ class ExplicitMaterialPoints:
     def balance(self) -> Balance:
         """Energies and momentum of the bodies that are not rigid."""
         moving, motions = self._moving, self._motions()
-        gravity = np.array(self.case.dynamics.gravity)  # type: ignore[union-attr]
         momentum = np.sum([motion.momentum for motion in motions], axis=0)
-        fallen = float(gravity @ (_first_moment(motions) - self._start))
         return Balance(
             elastic=sum(float((body.energy_density() * body.points.matter.volume).sum()) for body in moving),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
             kinetic=sum(motion.energy for motion in motions),
-            external_work=fallen + self._boundary_work + self.contact.work_of_rigid,
-            external_power=float(gravity @ momentum) + self._boundary_power,
+            external_work=self._outer_work + self.contact.work_of_rigid,
+            external_power=float(self._frame.acceleration(self._now) @ momentum) + self._boundary_power,
             contact_work=self.contact.work,
             momentum=(float(momentum[0]), float(momentum[1])),
         )
@@ -233,6 +237,8 @@ class ExplicitMaterialPoints:
             motion = BodyMotion.of(body)
             values = (*motion.place, *motion.momentum, motion.spin)
             columns |= {f"{body.name}_{key}": float(v) for key, v in zip(MOTION_COLUMNS, values, strict=True)}
+            if self.case.rocking is not None and body.name == self.case.rocking.body:
+                columns[f"{body.name}_angle"] = body_angle(body, self.cloud.positions)
             if len(self.bodies) > 1:
                 columns |= {f"{body.name}_impulse_x": float(impulse[0]), f"{body.name}_impulse_y": float(impulse[1])}
         for name, count in self.contact.violations.items():
@@ -256,7 +262,7 @@ class ExplicitMaterialPoints:
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Arrays from which `restore` makes the state again."""
-        arrays = {"boundary": np.array([self._boundary_work, self._boundary_power])}
+        arrays = {"boundary": np.array([self._outer_work, self._boundary_power, self._now])}
         arrays |= {f"contact_{name}": array for name, array in self.contact.checkpoint().items()}
         for number, body in enumerate(self.bodies):
             arrays |= {f"body{number}_{name}": array for name, array in body.checkpoint().items()}
@@ -266,7 +272,7 @@ class ExplicitMaterialPoints:
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to the state of a checkpoint of the same case."""
-        self._boundary_work, self._boundary_power = map(float, saved["boundary"])
+        self._outer_work, self._boundary_power, self._now = map(float, saved["boundary"])
         self.contact.restore(_part(saved, "contact_"))
         for number, body in enumerate(self.bodies):
             body.restore(_part(saved, f"body{number}_"))
@@ -277,8 +283,3 @@ class ExplicitMaterialPoints:
 def _part(saved: Mapping[str, NDArray], prefix: str) -> dict[str, NDArray]:
     """Arrays whose names begin with a prefix, under the rest of their names."""
     return {name.removeprefix(prefix): array for name, array in saved.items() if name.startswith(prefix)}
-
-
-def _first_moment(motions: list[BodyMotion]) -> NDArray:
-    """Sum (2,) of mass times place."""
-    return np.sum([motion.mass * motion.place for motion in motions], axis=0)

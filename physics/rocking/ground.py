@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-#: shapes of one pulse: "sine" and "cosine" are a whole period, "half_sine" is half of one, "ricker" is the wavelet about
-#: the middle of the period, cut where it has fallen below 4e-3 of its height
+#: shapes of a pulse: a cycle of "sine" and "cosine" is a whole period, of "half_sine" half of one; "ricker" is the
+#: wavelet about the middle of one period, cut where it has fallen below 4e-3 of its height
 PULSES = ("sine", "half_sine", "cosine", "ricker")
 RECORD = len(PULSES)
 
@@ -23,13 +23,14 @@ class GroundMotion(NamedTuple):
     Attributes
     ----------
     kind : number of the shape in `PULSES`, or `RECORD`.
-    amplitude : of a pulse [m/s²]. end : the ground rests afterwards [s].
+    amplitude : of a pulse [m/s²]. end : the ground rests afterwards [s]. cycles : of a pulse until then.
     times, accelerations : (n,) samples of a record [s], [m/s²], linear between them; (0,) of a pulse.
     """
 
     kind: int
     amplitude: float
     end: float
+    cycles: float
     times: NDArray[np.float64]
     accelerations: NDArray[np.float64]
 
@@ -39,20 +40,20 @@ class GroundMotion(NamedTuple):
 
     def acceleration(self, times: ArrayLike) -> NDArray[np.float64]:
         """Acceleration (n,) [m/s²] at times (n,) [s]."""
-        return np.array([acceleration(self, time) for time in np.atleast_1d(np.asarray(times, dtype=float))])
+        return _accelerations(self, np.atleast_1d(np.asarray(times, dtype=float)))
 
 
-def pulse(shape: str, amplitude: float, circular_frequency: float) -> GroundMotion:
-    """One pulse of largest acceleration ``amplitude`` [m/s²] and the circular frequency of its period [rad/s]."""
-    end = (1.0 if shape == "half_sine" else 2.0) * math.pi / circular_frequency
-    return GroundMotion(PULSES.index(shape), amplitude, end, np.zeros(0), np.zeros(0))
+def pulse(shape: str, amplitude: float, circular_frequency: float, cycles: int = 1) -> GroundMotion:
+    """A pulse of largest acceleration ``amplitude`` [m/s²] and the circular frequency of its period [rad/s]."""
+    end = cycles * (1.0 if shape == "half_sine" else 2.0) * math.pi / circular_frequency
+    return GroundMotion(PULSES.index(shape), amplitude, end, float(cycles), np.zeros(0), np.zeros(0))
 
 
 def record(times: ArrayLike, accelerations: ArrayLike) -> GroundMotion:
     """A measured motion: accelerations (n,) [m/s²] at increasing times (n,) [s], counted from the first of them."""
     samples = np.asarray(times, dtype=float)
     samples = samples - samples[0]
-    return GroundMotion(RECORD, 1.0, float(samples[-1]), samples, np.asarray(accelerations, dtype=float))
+    return GroundMotion(RECORD, 1.0, float(samples[-1]), 1.0, samples, np.asarray(accelerations, dtype=float))
 
 
 def cut(motion: GroundMotion, start: float, end: float | None = None) -> GroundMotion:
@@ -70,15 +71,23 @@ def acceleration(ground, time):
         return 0.0
     phase = time / ground.end
     if ground.kind == 0:
-        return ground.amplitude * math.sin(2.0 * math.pi * phase)
+        return ground.amplitude * math.sin(2.0 * math.pi * ground.cycles * phase)
     if ground.kind == 1:
-        return ground.amplitude * math.sin(math.pi * phase)
+        return ground.amplitude * math.sin(math.pi * ground.cycles * phase)
     if ground.kind == 2:
-        return ground.amplitude * math.cos(2.0 * math.pi * phase)
+        return ground.amplitude * math.cos(2.0 * math.pi * ground.cycles * phase)
     if ground.kind == 3:
         square = (2.0 * math.pi * (phase - 0.5)) ** 2
         return ground.amplitude * (1.0 - square) * math.exp(-0.5 * square)
     return np.interp(time, ground.times, ground.accelerations)
+
+
+@njit(cache=True)
+def _accelerations(ground, times):
+    found = np.empty(len(times))
+    for number, time in enumerate(times):
+        found[number] = acceleration(ground, time)
+    return found
 
 
 def response_spectrum(

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from physics.rocking.block import Block
@@ -91,7 +92,20 @@ class Pendulum:
         breaks = np.unique(np.append(ground.breaks(), last))
         rows, impacts, overturned = _respond(self._constants, ground, breaks, step, stop_when_settled)
         verdict = verdict_of(overturned, len(impacts))
-        return RockingMotion(rows[:, 0], rows[:, 1], rows[:, 2], verdict, float(rows[-1, 0]), impacts)
+        time, angle, rate = rows.T
+        centre = self._centre(angle, rate)
+        return RockingMotion(time, angle, rate, verdict, float(time[-1]), impacts, *centre)
+
+    def _centre(self, angle: NDArray, rate: NDArray) -> tuple[NDArray, NDArray]:
+        """Place and velocity (n, 2) of the block's centre as it turns about its corners."""
+        side, radius = np.sign(angle), self.block.half_diagonal
+        lever = self.block.slenderness - np.abs(angle)
+        across, up, slope = np.sin(lever), np.cos(lever), np.cos(lever)
+        if self.linear:
+            across, up, slope = lever, 1.0 - 0.5 * lever**2, np.ones_like(lever)
+        place = np.column_stack([side * (0.5 * self.block.width - radius * across), radius * up])
+        velocity = radius * rate[:, None] * np.column_stack([slope, side * across])
+        return place, velocity
 
 
 @njit(cache=True)

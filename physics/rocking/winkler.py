@@ -21,14 +21,12 @@ from numba import njit
 
 from physics.rocking.block import Block
 from physics.rocking.ground import GroundMotion, acceleration
-from physics.rocking.motion import OVERTURNED, RockingMotion, verdict_of
+from physics.rocking.motion import IMPACT_ANGLE, OVERTURNED, SAFE_IMPACTS, RockingMotion, verdict_of
 
-#: an impact is a change of the angle's sign that goes on beyond this [degrees]
-IMPACT_ANGLE = 0.1
-#: impacts of the free motion after which a block that still stands is safe (thesis 7.3.2.1)
-SAFE_IMPACTS = 2
 #: time that is followed after the ground has come to rest [s]
 PATIENCE = 15.0
+#: energy over rest, as a share of what lifts the centre over a corner, with which a block on a ground that rests is safe
+SAFE_ENERGY = 0.5
 #: step of the integration over the smallest period of the block on its springs
 STEP_SHARE = 1.0 / 200.0
 
@@ -39,7 +37,8 @@ class Foundation:
 
     Attributes
     ----------
-    stiffness : k of the vertical springs per length of the base [N/m²]. damping : c of the dampers [N s/m²].
+    stiffness : k of the vertical springs, force per area of the base and depth [N/m³]. damping : c of the dampers, the
+        same per velocity [N s/m³].
     friction : Coulomb's coefficient.
     tangential_stiffness : K of the whole base [N/m]; tangential_damping : C [N s/m].
     """
@@ -66,6 +65,22 @@ def half_space(
     )
 
 
+def half_space_stiffness(mode: str, young: float, poisson: float, width: float, thickness: float = 1.0) -> float:
+    """k [force per area and depth, N/m³] of a rigid rectangle on an elastic half-space (Pais and Kausel 1988).
+
+    mode : "vertical" motion, or "rocking" about the axis along the thickness; as distributed springs of the same
+    resultant. ``young`` [Pa], ``width`` along the ground's motion and ``thickness`` [m].
+    """
+    b, l = 0.5 * width, 0.5 * thickness  # noqa: E741  as in the source
+    compliance = 2.0 * (1.0 + poisson) * (1.0 - poisson) / young  # (1 - nu) / G
+    short, long = min(b, l), max(b, l)
+    if mode == "vertical":
+        return short / compliance * (3.1 * (long / short) ** 0.75 + 1.6) / (4.0 * b * l)
+    about_long, about_short = 3.2 * long / short + 0.8, 3.73 * (long / short) ** 2.4 + 0.27
+    rocking = short**3 / compliance * (about_long if b <= l else about_short)
+    return rocking / (4.0 * b * l * b**2 / 3.0)
+
+
 class _Constants(NamedTuple):
     """What the compiled loop needs."""
 
@@ -81,6 +96,7 @@ class _Constants(NamedTuple):
     C: float
     fallen: float
     impact: float
+    safe: float
 
 
 class _State(NamedTuple):
@@ -114,24 +130,35 @@ class WinklerBlock:
         return STEP_SHARE * 2.0 * math.pi / omega
 
     @property
+    def uplift_acceleration(self) -> float:
+        """Acceleration that lifts the same block off a rigid ground, the unit of amplitudes [m/s²]."""
+        return self.block.uplift_acceleration
+
+    @property
     def _constants(self) -> _Constants:
         block, ground = self.block, self.foundation
         return _Constants(
             0.5 * block.width, 0.5 * block.height, block.mass, block.inertia, block.gravity, ground.stiffness,
             ground.damping, ground.friction, ground.tangential_stiffness, ground.tangential_damping,
             math.radians(OVERTURNED), math.radians(IMPACT_ANGLE),
+            SAFE_ENERGY * block.mass * block.gravity * (block.half_diagonal - 0.5 * block.height),
         )  # fmt: skip
 
-    def respond(self, ground: GroundMotion, stop_when_settled: bool = True, every: int = 1) -> RockingMotion:
+    def respond(
+        self, ground: GroundMotion, stop_when_settled: bool = True, every: int = 1, until: float | None = None
+    ) -> RockingMotion:
         """The motion from rest on the ground under a ground motion.
 
-        stop_when_settled : end after `SAFE_IMPACTS` impacts of the free motion, or where the block has fallen
-        every : steps between the rows that are kept
+        stop_when_settled : end after `SAFE_IMPACTS` impacts of the free motion, or where the block has fallen or has less
+            energy than `SAFE_ENERGY`
+        every : steps between the rows that are kept. until : time at which it ends at the latest [s]
         """
-        last = ground.end + PATIENCE
+        last = min(ground.end + PATIENCE, math.inf if until is None else until)
         rows, impacts, overturned = _respond(self._constants, ground, self.time_step, last, stop_when_settled, every)
-        verdict = verdict_of(overturned, len(impacts))
-        return RockingMotion(rows[:, 0], -rows[:, 1], -rows[:, 2], verdict, float(rows[-1, 0]), impacts)
+        verdict, place, velocity = verdict_of(overturned, len(impacts)), rows[:, 1:3], rows[:, 4:6]
+        return RockingMotion(
+            rows[:, 0], -rows[:, 3], -rows[:, 6], verdict, float(rows[-1, 0]), impacts, place, velocity
+        )  # fmt: skip
 
 
 @njit(cache=True)
@@ -200,11 +227,18 @@ def _rate_of(c, ground, time, s):
 
 
 @njit(cache=True)
+def _stays(c, s, rest):
+    """Whether a block whose centre is over its base has too little energy, kinetic and of its height, to fall."""
+    energy = 0.5 * (c.mass * (s.vx**2 + s.vy**2) + c.inertia * s.rate**2) + c.mass * c.gravity * (s.y - rest)
+    return abs(s.angle) < math.atan2(c.b, c.h) and energy < c.safe
+
+
+@njit(cache=True)
 def _respond(c, ground, step, last, stop_when_settled, every):
-    """Rows of time, angle, rate (n, 3); times of impacts; whether the block falls."""
+    """Rows of time and state (n, 7); times of impacts; whether the block falls."""
     rest = c.h - c.mass * c.gravity / (2.0 * c.b * c.k)
     s = _State(0.0, rest, 0.0, 0.0, 0.0, 0.0, 0.0)
-    rows, impacts, free_impacts, side = [(0.0, 0.0, 0.0)], [0.0 for _ in range(0)], 0, 0.0
+    rows, impacts, free_impacts, side = [(0.0, s.x, s.y, s.angle, s.vx, s.vy, s.rate)], [0.0 for _ in range(0)], 0, 0.0
     crossed = 0.0
     for number in range(math.ceil(last / step)):
         time = number * step
@@ -226,10 +260,10 @@ def _respond(c, ground, step, last, stop_when_settled, every):
                 free_impacts += crossed > ground.end
             side = now
         if (number + 1) % every == 0:
-            rows.append((time, s.angle, s.rate))
+            rows.append((time, s.x, s.y, s.angle, s.vx, s.vy, s.rate))
         if abs(s.angle) >= c.fallen:
-            rows.append((time, s.angle, s.rate))
+            rows.append((time, s.x, s.y, s.angle, s.vx, s.vy, s.rate))
             return np.array(rows), impacts, True
-        if stop_when_settled and free_impacts >= SAFE_IMPACTS:
+        if stop_when_settled and time > ground.end and (free_impacts >= SAFE_IMPACTS or _stays(c, s, rest)):
             break
     return np.array(rows), impacts, False

@@ -229,11 +229,11 @@ def _targets(case: Case, check: Check, kept: list[str]) -> list[str]:
 
 
 def _table(check: Check, against: str, foreign: ForeignResult) -> dict[str, Any]:
-    table = check.model_dump(mode="json", include={"metric", "error_kind", "limit", "gate", "reason", "parameters"})
+    table = check.model_dump(mode="json", include={"metric", "measure", "limit", "gate", "reason", "parameters"})
     table |= {"run": foreign.name, "against": against}
     # an error relative to the force of the other run is another error
     table["gate"] = check.gate and (check.metric not in PAIR_METRICS or against == check.against)
-    if foreign.within is not None and check.error_kind == "relative" and check.target[0] != "none":
+    if foreign.within is not None and check.measure == "relative" and check.target[0] != "none":
         table |= {"limit": foreign.within, "reason": f"asked for; the case: {check.limit:g}, {check.reason}"}
     return table
 

@@ -40,6 +40,10 @@ _register("contact_half_width", "half-width of the pressure on a floor", "length
 _register("peak_pressure", "largest pressure on a floor under the bodies' weight", "stress")
 _register("l2_error_stress", "relative L2 error of the stress")
 _register("l2_error_phase_field", "relative L2 error of the phase field")
+_register("border_after_impacts", "least amplitude over that of uplift at which the block falls after impacts")
+_register("border_standing_again", "amplitude over that of uplift above which the block stands again")
+_register("border_without_impact", "amplitude over that of uplift above which the block falls without impact")
+_register("energy_between_impacts", "largest change of the energy of free rocking between impacts")
 
 
 def fitted_order(h: ArrayLike, error: ArrayLike) -> float:

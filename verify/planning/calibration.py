@@ -183,7 +183,10 @@ MEASURED = ("case", "tier", "run", *DEMANDED, "counted_unknowns", "iterations", 
 
 
 def measured_runs(out: Path) -> pd.DataFrame:
-    """A row for each run below an output folder that went as planned and whose case file has not changed since."""
+    """A row for each run below an output folder that went as planned and whose case file has not changed since.
+
+    Rigid blocks are left out: nothing in them grows with unknowns or points.
+    """
     rows = []
     for file in sorted(out.rglob("run.json")):
         try:
@@ -191,7 +194,8 @@ def measured_runs(out: Path) -> pd.DataFrame:
             case = run.case
         except (RunFolderError, CaseError):
             continue
-        planned = run.good and run.info["status"] != RunStatus.EXPECTED_FAILURE
+        rigid = run.info["solver"] in SOLVERS and SOLVERS[run.info["solver"]].of_rigid_block
+        planned = run.good and run.info["status"] != RunStatus.EXPECTED_FAILURE and not rigid
         if planned and case.hash() == run.info["case_hash"] and "processor" in run.info["seconds"]:
             rows.append(_measured(run, case))
     return pd.DataFrame(rows, columns=list(MEASURED))

@@ -70,6 +70,14 @@ def _elastic_prologue(case: Case) -> Saving:
     return Saving(name, True, reason, {"load": {"prologue": 0.0}})
 
 
+def _settled_verdict(case: Case) -> Saving:
+    name = "end at a settled verdict"
+    if case.rocking is None or not case.rocking.stop_when_settled:
+        return Saving(name, False, "the run goes on to its end")
+    reason = f"the run ends where the verdict on {case.rocking.body} can change no longer"
+    return Saving(name, True, reason, {"rocking": {"stop_when_settled": False}})
+
+
 def _accelerated_staggering(case: Case) -> Saving:
     name, memory = "accelerated staggering", case.staggered.memory
     if case.staggered.scheme != "converged" or memory == 0 or not case.fracture_enabled:
@@ -122,5 +130,5 @@ QUASI_STATIC: tuple[Rule, ...] = (
     _accelerated_staggering,
     _end_when_broken,
 )
-IN_TIME: tuple[Rule, ...] = (_graded_grid, _phase_field_window, _rigid_bodies)
+IN_TIME: tuple[Rule, ...] = (_graded_grid, _phase_field_window, _rigid_bodies, _settled_verdict)
 ALWAYS: tuple[Rule, ...] = (_no_phase_field,)

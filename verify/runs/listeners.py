@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from numerics.status import RunStatus
+from physics.rocking.motion import settled_verdict
+from physics.rocking.of_case import block_of, ground_motion
 
 if TYPE_CHECKING:
+    from cases import Case
     from numerics.costs import Costs
     from numerics.fields import Fields
     from numerics.records import Record
@@ -55,6 +58,30 @@ class StoppedError(Exception):
     def __init__(self, status: RunStatus, reason: str) -> None:
         super().__init__(reason)
         self.status, self.reason = status, reason
+
+
+class SettledVerdict(Listener):
+    """Ends a run where the verdict on the body that rocks can change no longer.
+
+    Behind a checkpoint it knows the motion from there on only, and may end the run later than it could.
+    """
+
+    def __init__(self, case: "Case") -> None:
+        assert case.rocking is not None
+        self._body, self._block, self._end = case.rocking.body, block_of(case), ground_motion(case).end
+        self._time: list[float] = []
+        self._angle: list[float] = []
+
+    def record(self, record: "Record", discretisation: ObservedDiscretisation) -> None:
+        """Raises `StoppedError` where the verdict is settled."""
+        row = record.row()
+        self._time.append(record.u)
+        self._angle.append(row[f"{self._body}_angle"])
+        if record.u < self._end and abs(self._angle[-1]) < 1.0:
+            return
+        angle, rate = np.unwrap(self._angle), row[f"{self._body}_spin"]
+        if settled_verdict(self._block, self._end, self._time, angle, rate) is not None:
+            raise StoppedError(RunStatus.COMPLETE, f"the verdict on {self._body} is settled, at t = {record.u:.6g}")
 
 
 class TimeLimit(Listener):

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "fracture-verify"
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "pypardiso", "mkl", "pandas", "pyvista", "scikit-image")
 # What can change a run's numbers. Judging and drawing are left out: they never ask for a new run.
-SOLVING = ("cases", "physics", "numerics", "fem_reference", "mpm")
+SOLVING = ("cases", "physics", "numerics", "fem_reference", "mpm", "rigid_block")
 SOLVING_MODULES = (
     "verify/runs/running.py", "verify/runs/run_writer.py", "verify/runs/checkpoint.py", "verify/runs/listeners.py",
     "verify/runs/frames.py", "verify/runs/vtk_files.py", "verify/runs/importing.py", "verify/metrics/crack_path.py",

@@ -24,7 +24,7 @@ from verify.runs.atomic import WriteError
 from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError, CheckpointWriter
 from verify.runs.frames import FrameWriter
 from verify.runs.importing import history_of
-from verify.runs.listeners import Listener, ObservedDiscretisation, StoppedError
+from verify.runs.listeners import Listener, ObservedDiscretisation, SettledVerdict, StoppedError
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder, require_own_folder
 from verify.runs.run_writer import RunWriter, write_run
@@ -178,7 +178,8 @@ def _compute(
             after, note = _beginning(files, identity, resume)
             checkpoints = CheckpointWriter(files.partial / CHECKPOINT_FILE, identity, files.flush_to_disk)
             frames = FrameWriter(files.partial / "frames", case.frame_times)
-            attempt = _Attempt(case, run_name, after, [files, frames, checkpoints, *listeners])
+            settled = [SettledVerdict(case)] if case.rocking and case.rocking.stop_when_settled else []
+            attempt = _Attempt(case, run_name, after, [files, frames, checkpoints, *listeners, *settled])
             attempt.solve(note, files.partial / "traceback.txt")
             attempt.examine(files.history())
             info = attempt.info() | {"threads": threads, "memory_mb": round(memory.megabytes, 1)}

@@ -8,7 +8,10 @@ import numpy as np
 import pandas as pd
 
 from cases import Case
+from cases.solvers import SOLVERS
 from cases.studies import Map
+from physics.rocking.borders import Border as Change
+from rigid_block.verdicts import borders_of, model_of
 from verify.studies.krylov import TOLERANCE
 from verify.studies.verdicts import BLEW_UP, HOLDS, NO_CONVERGENCE, NUMERICAL_FRACTURE, accuracy
 
@@ -23,6 +26,27 @@ class Border:
 
     position: Callable[[Case, Map, pd.DataFrame], float]
     inside: Callable[[str, Map], bool | None]
+
+
+@dataclass(frozen=True)
+class RigidBlock:
+    """Borders of a rigid model of the block that rocks; ``solver`` is its name."""
+
+    solver: str
+
+    def between(self, case: Case, below: str, above: str) -> float:
+        """Least amplitude over that of uplift at which the verdict changes so; not a number where it does not."""
+        found = _rigid_borders(case.model_dump_json(), case, self.solver)
+        return next((b.amplitude for b in found if (str(b.below), str(b.above)) == (below, above)), math.nan)
+
+
+_FOUND: dict[tuple[str, str], list[Change]] = {}
+
+
+def _rigid_borders(key: str, case: Case, solver: str) -> list[Change]:
+    if (key, solver) not in _FOUND:
+        _FOUND[key, solver] = borders_of(case, model_of(case, solver))
+    return _FOUND[key, solver]
 
 
 def toughness_of_the_mesh(case: Case, chosen: Map, row: pd.DataFrame) -> float:
@@ -93,7 +117,9 @@ def _accurate(verdict: str, chosen: Map) -> bool | None:
     return verdict == accuracy(0.0, chosen.judged.within)
 
 
-BORDERS: dict[str, Border] = {
+#: rigid models whose borders are drawn over maps of a body that rocks
+RIGID_BLOCKS = {solver.name: RigidBlock(solver.name) for solver in SOLVERS.values() if solver.of_rigid_block}
+BORDERS: dict[str, Border | RigidBlock] = RIGID_BLOCKS | {
     "toughness_of_the_mesh": Border(toughness_of_the_mesh, _accurate),
     "first_order": Border(first_order, _accurate),
     "round_off": Border(round_off, lambda verdict, _: verdict != NO_CONVERGENCE),

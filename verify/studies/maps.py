@@ -24,10 +24,11 @@ from cases.studies import REACHED, RUN, Judged, Map, coordinates, level_changes
 from numerics.status import RunStatus
 from verify.judging.targets import target_of
 from verify.metrics.registry import METRICS, find_metric
+from verify.metrics.rocking import verdict_on
 from verify.runs.atomic import write_table
 from verify.runs.jobs import Job
 from verify.runs.run_folder import RunFolder
-from verify.studies.borders import BORDERS
+from verify.studies.borders import BORDERS, RigidBlock
 from verify.studies.probes import PROBES
 from verify.studies.study import (
     NO_VALUE,
@@ -210,6 +211,8 @@ class MapStudy:
             "reason": info["reason"], "seconds": info["seconds"].get("total", math.nan),
             "newton": int(counters.get("newton", 0)), "iterations": int(counters.get("gmres_iterations", 0)),
         }  # fmt: skip
+        if run.case.rocking is not None and info["status"].good:
+            return self._becomes(run, _at(history) | told)
         torn = _torn(history, run.case.load.broken_fraction)
         if torn is not None:
             why = {"reason": "the force is gone, nothing broke"}
@@ -222,6 +225,13 @@ class MapStudy:
             why = {"reason": f"energy drift above {self.map.drift:g} of work and energy"}
             return Verdict(DRIFT, **_at(history, drift), **(told | why))
         return self._judged_run(run, _at(history) | told)
+
+    def _becomes(self, run: RunFolder, told: dict[str, Any]) -> Verdict:
+        """What becomes of the body that rocks."""
+        try:
+            return Verdict(str(verdict_on(run)), **(told | {"reason": ""}))
+        except NO_VALUE as problem:
+            return Verdict(NOT_POSSIBLE, **(told | {"reason": str(problem)}))
 
     def _drift(self, history: pd.DataFrame) -> int | None:
         """First step at which more than allowed of the work and of the energy at the start became no energy."""
@@ -331,6 +341,9 @@ class MapStudy:
         job = next((job for job in jobs if job is not None), None)
         for name in self.map.borders:
             border = BORDERS[name]
+            if isinstance(border, RigidBlock):
+                assert job is not None
+                return name, border.between(job.case(), below, above)
             sides = border.inside(below, self.map), border.inside(above, self.map)
             if None not in sides and sides[0] != sides[1]:
                 case = job.case() if job else self.case

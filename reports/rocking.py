@@ -1,0 +1,99 @@
+"""Figures of bodies that rock: the angle over time, the motion of the ground and its response spectrum."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from physics.rocking.ground import response_spectrum
+from physics.rocking.motion import OVERTURNED
+from physics.rocking.of_case import block_of, ground_motion
+from verify.metrics.rocking import rocking_of, verdict_on
+
+from . import style
+from .results import READING_ERRORS
+from .words import listed, number
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .results import CaseResults, RunResults
+
+#: share of critical damping of the response spectrum, and number of its periods
+DAMPING, PERIODS = 0.05, 80
+
+
+def angles(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the angle of the body that rocks over time, all runs together."""
+    case = results.case
+    if case is None or case.rocking is None:
+        return None
+    runs = [run for run in results.shown_runs() if f"{case.rocking.body}_angle" in run.history]
+    if not runs:
+        return None
+    label = "angle θ, counter-clockwise [°]"
+    figure, axes = style.curve_axes(7.6, 4.0, f"time t [{results.unit('time')}]", label)
+    colours = style.colours_of([run.name for run in runs])
+    tables = []
+    for run in runs:
+        time, angle, _ = rocking_of(run.folder)
+        axes.plot(time, np.degrees(angle), linestyle=run.method.line, color=colours[run.name], label=run.label)
+        tables.append(pd.DataFrame({"run": run.name, "time": time, "angle": np.degrees(angle)}))
+    _mark_no_return(axes, math.degrees(block_of(case).slenderness), pd.concat(tables)["angle"])
+    style.legend_below(figure, [axes], columns=2)
+    said = listed(f"{run.name} {_verdict(run)}" for run in runs)
+    return style.drawing(
+        figure, folder, "angles", f"Angle of {case.rocking.body} over time",
+        f"Time 0 is the start of the ground's motion. A body counts as overturned at {OVERTURNED:g}°. {said}.",
+        pd.concat(tables, ignore_index=True),
+    )
+
+
+def _mark_no_return(axes: Any, alpha: float, angle: pd.Series) -> None:
+    """Lines at ±alpha [degrees] where they are reached; falls leave the picture at twice of it."""
+    low, high = float(angle.min()), float(angle.max())
+    axes.set_ylim(max(1.1 * low, -2.0 * alpha) - 0.2, min(1.1 * high, 2.0 * alpha) + 0.2)
+    for number_of_line, place in enumerate(place for place in (-alpha, alpha) if low < place < high):
+        label = {} if number_of_line else {"label": "±α: the centre stands over a corner"}
+        axes.axhline(place, color=style.GREY, linewidth=0.9, linestyle=":", **label)
+
+
+def _verdict(run: RunResults) -> str:
+    try:
+        return f"({verdict_on(run.folder)})"
+    except READING_ERRORS:
+        return "(open)"
+
+
+def ground(results: CaseResults, folder: Path) -> style.Drawing | None:
+    """Draw the acceleration of the ground over time and its response spectrum; of runs that differ, each one's."""
+    case = results.case
+    if case is None or case.dynamics is None or case.dynamics.ground is None:
+        return None
+    figure, grid = style.panels(1, 2, 8.2, 3.2, grid=True)
+    motions = {run.name: ground_motion(run.folder.case) for run in results.shown_runs()}
+    distinct = {(m.kind, m.amplitude, m.end, m.cycles): (name, m) for name, m in reversed(motions.items())}
+    colours = style.colours_of([name for name, _ in distinct.values()])
+    unit, tables = results.unit("acceleration"), []
+    for name, motion in list(distinct.values())[::-1]:
+        times = np.linspace(0.0, 1.05 * motion.end, 2000)
+        periods = motion.end * np.geomspace(0.02, 5.0, PERIODS)
+        spectrum = response_spectrum(motion, periods, DAMPING, step=motion.end / 4000)
+        grid[0, 0].plot(times, motion.acceleration(times), color=colours[name], label=name)
+        grid[0, 1].plot(periods, spectrum, color=colours[name])
+        tables.append(pd.DataFrame({"run": name, "period": periods, "spectral_acceleration": spectrum}))
+    time = results.unit("time")
+    grid[0, 0].set(title="ground", xlabel=f"time t [{time}]", ylabel=f"acceleration [{unit}]")
+    grid[0, 1].set(title="response spectrum, 5 % damping", xlabel=f"period [{time}]", xscale="log",
+                   ylabel=f"pseudo-acceleration [{unit}]")  # fmt: skip
+    style.legend_below(figure, [grid[0, 0]])
+    largest = max(table["spectral_acceleration"].max() for table in tables)
+    return style.drawing(
+        figure, folder, "ground", "Motion of the ground",
+        f"Acceleration along {case.dynamics.ground.direction}, and the largest response of linear oscillators over their"
+        f" period; at most {number(largest, 3)} {unit}. Runs with the same ground stand under one name.",
+        pd.concat(tables, ignore_index=True),
+    )

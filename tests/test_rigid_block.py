@@ -1,0 +1,188 @@
+"""Rigid blocks as solvers of a case, the verdict on bodies that rock, and the end of a run where it is settled."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import Case, CaseError, case_from_tables, load_case
+from numerics.explicit import instants
+from physics.rocking.block import Block
+from physics.rocking.motion import Verdict, impacts_of, settled_verdict
+from physics.rocking.of_case import block_of, foundation_of, ground_motion, pendulum_of
+from rigid_block import LinearPendulumMotion, PendulumMotion, WinklerMotion
+from verify import run
+from verify.cli import main
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import METRICS
+from verify.planning.savings import savings
+
+
+def case_of(folder: Path, name: str = "pendulum", **changes: Any) -> Case:
+    """The library's block with keys of the table rocking and of the ground's motion changed."""
+    source = load_case("rocking_pendulum", "quick").source
+    return load_case(source, "quick", name, changes)
+
+
+def pulse(uplift: float, frequency: float = 3.0) -> dict[str, Any]:
+    return {"dynamics": {"ground": {"uplift_ratio": uplift, "frequency_ratio": frequency}}}
+
+
+def no_borders(**more: Any) -> dict[str, Any]:
+    return {"rocking": {"borders": [], **more}}
+
+
+class Told:
+    """A run as metrics see it, from a history."""
+
+    def __init__(self, case: Case, history: pd.DataFrame) -> None:
+        self.case, self.history, self.info = case, history, {"run": "mpm"}
+
+
+def history_of(solver: Any, case: Case) -> pd.DataFrame:
+    return pd.DataFrame([instant.row() for instant in instants(solver, case)])
+
+
+def test_the_block_is_that_of_the_case_in_its_units(tmp_path):
+    case = case_of(tmp_path)
+    block, foundation = block_of(case), foundation_of(case)
+    assert block.frequency == pytest.approx(2.14008, abs=1e-5)
+    assert block.mass == pytest.approx(606.101e-6 * 0.795 * 3.113)
+    assert foundation.stiffness == pytest.approx(377.0, rel=2e-3)  # Wolf; vertical [MN/m³]
+    assert foundation.damping == pytest.approx(0.6745, rel=1e-3)
+    rocking = foundation_of(case_of(tmp_path, rocking={"stiffness": "rocking"}))
+    assert rocking.stiffness == pytest.approx(1030.0, rel=5e-3)
+    linear = pendulum_of(case, linear=True)
+    assert ground_motion(case, linear.uplift_acceleration).amplitude == pytest.approx(2.5 * 9.81 * block.slenderness)
+
+
+@pytest.mark.parametrize("made_by", [PendulumMotion, LinearPendulumMotion, WinklerMotion])
+def test_its_history_has_the_columns_of_the_material_points(tmp_path, made_by):
+    case = case_of(tmp_path, **pulse(1.1), **no_borders(), output={"records": 800}, contact={"friction": 0.625})
+    solver = made_by(case)
+    history = history_of(solver, case)
+    assert {f"block_{c}" for c in ("x", "y", "momentum_x", "momentum_y", "spin", "angle")} <= set(history)
+    # spin is the rate of the angle, momentum that of the place
+    for rate, of in (("block_spin", "block_angle"), ("block_momentum_x", "block_x")):
+        slope = np.gradient(history[of], history["time"])
+        scale = solver.block.mass if "momentum" in rate else 1.0
+        off = np.abs(scale * slope - history[rate])
+        assert np.quantile(off, 0.9) < 0.1 * np.abs(history[rate]).max()
+    # the base and impacts take energy only
+    assert history["W_contact"].min() > -0.5 * history["E_kin"].max() - 1e-3
+    assert history["W_contact"].max() < 0.02 * history["E_kin"].max()
+    fields = solver.fields()
+    moved = fields.points - fields.reference
+    assert np.abs(moved[fields.body == 1]).max() == 0.0
+    assert np.isfinite(fields.points).all()
+
+
+def test_a_restored_block_tells_the_same_time(tmp_path):
+    case = case_of(tmp_path, **pulse(1.3), **no_borders())
+    solver, other = PendulumMotion(case), PendulumMotion(case)
+    solver.step(0.5, 0.1)
+    other.restore(solver.checkpoint())
+    assert other.monitored() == solver.monitored()
+
+
+@pytest.mark.parametrize(("uplift", "frequency", "number"), [(1.2, 3.0, 0), (2.5, 3.0, 1), (4.0, 3.0, 2)])
+def test_a_run_ends_where_its_verdict_is_settled_and_tells_it(tmp_path, uplift, frequency, number):
+    case = case_of(tmp_path, **pulse(uplift, frequency), **no_borders())
+    ended = run(case, "pendulum", out=tmp_path, threads=1)
+    assert ended.good and "the verdict on block is settled" in ended.info["reason"]
+    assert ended.history["time"].iloc[-1] < case.dynamics.end_time
+    assert METRICS["verdict"](ended) == number
+    whole = case_of(tmp_path, **pulse(uplift, frequency), **no_borders(stop_when_settled=False))
+    assert METRICS["verdict"](Told(whole, history_of(PendulumMotion(whole), whole))) == number
+    named = {saving.name: saving for saving in savings(case)}["end at a settled verdict"]
+    assert named.used and named.off == {"rocking": {"stop_when_settled": False}}
+
+
+def test_metrics_of_a_known_motion(tmp_path):
+    case = case_of(tmp_path, **pulse(1.2), **no_borders())
+    time = np.linspace(0.0, 4.0, 4001)
+    angle = np.radians(5.0) * np.sin(2 * np.pi * time / 2.0)  # peak at 0.5, impacts at 1, 2 and 3
+    told = Told(case, pd.DataFrame({"time": time, "block_angle": angle, "block_spin": np.gradient(angle, time)}))
+    assert METRICS["first_peak_time"](told) == pytest.approx(0.5, abs=1e-3)
+    assert METRICS["first_peak_angle"](told) == pytest.approx(5.0, abs=1e-6)
+    assert METRICS["first_impact_time"](told) == pytest.approx(1.0, abs=1e-6)
+    assert METRICS["impacts"](told) == 3
+    assert METRICS["energy_kept"](told) == pytest.approx(1.0, abs=1e-5)
+    assert METRICS["tilt"](told, start=0.0, end=0.25) == pytest.approx(5.0 * math.sin(math.pi / 4), abs=1e-3)
+    with pytest.raises(MetricError, match="stays below 85 degrees"):
+        METRICS["overturning_time"](told)
+
+
+def test_trembling_is_no_impact():
+    time = np.linspace(0.0, 1.0, 1001)
+    assert impacts_of(time, np.radians(0.09) * np.sin(40 * time)) == []
+
+
+def test_a_verdict_is_open_until_nothing_can_change_it():
+    block = Block(0.795, 3.113)
+    time, out = np.array([0.0, 0.5, 1.0]), np.radians([0.0, 2.0, 10.0])
+    enough = math.sqrt(2.2 * block.frequency**2 * (1.0 - math.cos(block.slenderness)))
+    assert settled_verdict(block, 0.9, time, out, 0.9 * enough) is Verdict.NO_IMPACT
+    assert settled_verdict(block, 0.9, time, out, 0.01) is None
+    assert settled_verdict(block, 0.9, time, out, -enough) is None  # an impact comes first
+    assert settled_verdict(block, 2.0, time, out, enough) is None  # the ground still moves
+    assert settled_verdict(block, 9.0, time, np.radians([-1.0, 2.0, 85.1]), 0.0) is Verdict.AFTER_IMPACTS
+
+
+def test_borders_are_told_by_a_command(tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["borders", "rocking_pendulum", "--run", "linear", "--tier", "quick", "--out", str(tmp_path)])
+    assert not ended.value.code
+    table = pd.read_csv(tmp_path / "borders" / "rocking_pendulum.csv")
+    assert table["uplift_ratio"].iloc[-1] == pytest.approx(7.1681, abs=1e-4)
+    assert table["above"].iloc[-1] == "overturned without impact"
+    assert "7.168" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"rocking": {"body": "tower"}}, "rocking.body' = 'tower' is not a body"),
+        ({"rocking": {"borders": [2.0, 1.0]}}, "rocking.borders"),
+        ({"rocking": {"stiffness": -1.0}}, "rocking.stiffness"),
+        ({"dynamics": {"gravity": [1.0, -9.81]}}, "dynamics.gravity"),
+    ],
+)
+def test_what_cannot_rock_is_refused(tmp_path, change, said):
+    with pytest.raises(CaseError) as refused:
+        case_of(tmp_path, **change)
+    assert said in str(refused.value)
+
+
+def test_a_rigid_solver_needs_the_table_rocking(tmp_path):
+    tables = {
+        "title": "t", "requirement": "r", "units": {"length": "m", "force": "MN"}, "plane": {"assumption": "strain"},
+        "materials": {"m": {"young": 1.0, "poisson": 0.3}}, "mesh": {"h": 0.1}, "load": {"path": [0.0]},
+        "bodies": {"block": {"material": "m", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 2]}}}},
+        "runs": {"pendulum": {"solver": "pendulum"}},
+    }  # fmt: skip
+    with pytest.raises(CaseError, match="'rocking' is missing, which pendulum needs"):
+        case_from_tables(tables, "standard", "pendulum")
+
+
+def test_a_map_tells_what_becomes_of_the_block_and_where_theory_has_the_border(tmp_path):
+    text = load_case("rocking_pendulum", "quick").source.read_text()
+    diagram = (
+        '[maps.diagram]\nrun = "pendulum"\nborders = ["winkler"]\nbisections = 3\nlogarithmic = false\n'
+        'change = { rocking = { borders = [2.0, 3.0] } }\n'
+        'x = { "dynamics.ground.uplift_ratio" = [2.0, 4.0] }\ny = { "dynamics.ground.frequency_ratio" = [5.0] }\n'
+    )
+    file = tmp_path / "block" / "case.toml"
+    file.parent.mkdir()
+    file.write_text(f"{text}{diagram}[contact]\nfriction = 0.625\n")
+    with pytest.raises(SystemExit) as ended:
+        main(["stability", str(file), "--tier", "quick", "--out", str(tmp_path)])
+    assert not ended.value.code
+    folder = tmp_path / "maps" / "block" / "quick"
+    table, found = pd.read_csv(folder / "diagram.csv"), pd.read_csv(folder / "diagram-borders.csv")
+    assert set(table["verdict"]) == {"safe", "overturned after impacts"} and len(table) == 5
+    assert found["measured"].item() == pytest.approx(2.883, abs=0.13)
+    assert found["border"].item() == "winkler" and found["theory"].item() == pytest.approx(2.532, rel=5e-3)

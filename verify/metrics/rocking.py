@@ -1,0 +1,162 @@
+"""Metrics of a body that rocks: its angle, peaks, impacts and what becomes of it, from its history."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.rocking.motion import OVERTURNED, Verdict, impacts_of, settled_verdict
+from physics.rocking.of_case import block_of, ground_motion
+from verify.metrics.metric import MetricError, history_column, metric, run_name
+from verify.metrics.motion import at_time
+
+if TYPE_CHECKING:
+    from cases import Case
+    from verify.metrics.metric import RunData
+
+#: numbers of the verdicts, in the order of falling safety
+VERDICTS = (Verdict.SAFE, Verdict.AFTER_IMPACTS, Verdict.NO_IMPACT)
+
+
+class Rocking(NamedTuple):
+    """Time, angle, counter-clockwise, and its rate (n,) of the body that rocks [time], [rad], [rad/time]."""
+
+    time: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    rate: NDArray[np.float64]
+
+
+def rocking_body(case: Case) -> str:
+    """Name of the body that rocks; MetricError for a case without."""
+    if case.rocking is None:
+        raise MetricError(f"{case.name}: no body rocks; add the table rocking")
+    return case.rocking.body
+
+
+def rocking_of(run: RunData) -> Rocking:
+    """The motion of the body that rocks, as the run recorded it."""
+    body = rocking_body(run.case)
+    angle = np.unwrap(history_column(run, f"{body}_angle"))
+    return Rocking(history_column(run, "time"), angle, history_column(run, f"{body}_spin"))
+
+
+def verdict_on(run: RunData) -> Verdict:
+    """What becomes of the body; MetricError where the run ends before it is known.
+
+    A block that has come to rest, or moves with less energy than the barrier where its centre stands over the corner,
+    is safe as well.
+    """
+    time, angle, rate = rocking_of(run)
+    case, block = run.case, block_of(run.case)
+    ground_end = ground_motion(case).end
+    verdict = settled_verdict(block, ground_end, time, angle, rate[-1])
+    if verdict is not None:
+        return verdict
+    barrier = block.frequency**2 * (1.0 - math.cos(block.slenderness - abs(angle[-1])))
+    if time[-1] >= ground_end and abs(angle[-1]) < block.slenderness and 0.5 * rate[-1] ** 2 < barrier:
+        return Verdict.SAFE
+    raise MetricError(f"{run_name(run)}: whether the body falls is open at its end, t = {time[-1]:g}; run it longer")
+
+
+@metric("number", "what becomes of the body that rocks: 0 safe, 1 overturned after impacts, 2 without impact")
+def verdict(run: RunData) -> float:
+    """Number of the verdict (thesis Fig. 7.7)."""
+    return float(VERDICTS.index(verdict_on(run)))
+
+
+@metric("number", "impacts of the body that rocks")
+def impacts(run: RunData) -> float:
+    """Changes of the angle's sign that go on beyond a tenth of a degree."""
+    return float(len(impacts_of(*rocking_of(run)[:2])))
+
+
+def _first_peak(run: RunData) -> int:
+    """Row of the largest angle before the first impact, at which the body turns back."""
+    time, angle, _ = rocking_of(run)
+    first = next(iter(impacts_of(time, angle)), math.inf)
+    row = int(np.abs(angle[time <= first]).argmax())
+    if row == len(angle) - 1:
+        raise MetricError(f"{run_name(run)}: the angle has no peak; it grows until the end")
+    return row
+
+
+@metric("time", "first peak of the angle")
+def first_peak_time(run: RunData) -> float:
+    """Time of the largest angle before the first impact."""
+    return float(rocking_of(run).time[_first_peak(run)])
+
+
+@metric("degree", "size of the first peak of the angle")
+def first_peak_angle(run: RunData) -> float:
+    """Largest angle before the first impact."""
+    return abs(math.degrees(rocking_of(run).angle[_first_peak(run)]))
+
+
+@metric("time", "first impact")
+def first_impact_time(run: RunData) -> float:
+    """Time of the first change of the angle's sign that goes on beyond a tenth of a degree."""
+    found = impacts_of(*rocking_of(run)[:2])
+    if not found:
+        raise MetricError(f"{run_name(run)}: the body meets no impact")
+    return found[0]
+
+
+@metric("number", "energy at the second peak of free rocking over that at the first")
+def energy_kept(run: RunData) -> float:
+    """What an impact leaves, as a rigid block's potential energy at the largest angles before and after it."""
+    time, angle, _ = rocking_of(run)
+    block, start = block_of(run.case), ground_motion(run.case).end
+    ends = np.searchsorted(time, [*impacts_of(time, angle), math.inf])
+    size, peaks = np.abs(angle), []
+    for first, last in pairwise(ends):
+        row = int(first) + int(size[first:last].argmax())
+        if time[row] > start and first < row < last - 1:
+            peaks.append(math.cos(block.slenderness - size[row]) - math.cos(block.slenderness))
+    if len(peaks) < 2:
+        raise MetricError(f"{run_name(run)}: has no two peaks of free rocking with an impact between; run it longer")
+    return peaks[1] / peaks[0]
+
+
+@metric("time", "when the body lies")
+def overturning_time(run: RunData) -> float:
+    """First time at which the angle is that from which on a body counts as overturned."""
+    time, angle, _ = rocking_of(run)
+    beyond = np.flatnonzero(np.abs(angle) >= math.radians(OVERTURNED) * (1.0 - 1e-9))
+    if not len(beyond):
+        raise MetricError(f"{run_name(run)}: the angle stays below {OVERTURNED:g} degrees; run it longer")
+    return float(time[beyond[0]])
+
+
+@metric("degree", "largest angle")
+def tilt(run: RunData, *, start: float, end: float) -> float:
+    """Largest size of the angle between two times."""
+    return float(np.abs(_degrees_between(run, start, end)).max())
+
+
+@metric("degree", "angle about which the body swings")
+def mean_tilt(run: RunData, *, start: float, end: float) -> float:
+    """Size of the mean angle between two times, of whole periods if the body swings on an elastic ground."""
+    return abs(float(_degrees_between(run, start, end).mean()))
+
+
+def _degrees_between(run: RunData, start: float, end: float) -> NDArray[np.float64]:
+    """The angles recorded between two times [degrees]."""
+    time, angle, _ = rocking_of(run)
+    inside = (time >= start - 1e-12) & (time <= end + 1e-12)
+    if not inside.any():
+        raise MetricError(f"{run_name(run)}: records nothing from t = {start:g} to {end:g}")
+    return np.degrees(angle[inside])
+
+
+@metric("number", "relative error of the force that carries the body's weight")
+def support_error(run: RunData, *, start: float, end: float) -> float:
+    """Mean vertical force of contact between two times, less the change of momentum, against the weight."""
+    case, body, block = run.case, rocking_body(run.case), block_of(run.case)
+    columns = [f"{body}_{name}_y" for name in ("impulse", "momentum")]
+    impulse, momentum = (at_time(run, name, end) - at_time(run, name, start) for name in columns)
+    weight = block.mass * case.plane.thickness * block.gravity
+    return abs((impulse - momentum) / (end - start) / weight - 1.0)
