@@ -9,9 +9,13 @@ Local unknowns are ordered node by node, x before y; local matrices keep the upp
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, prange
 
 from physics.energy_splits import body_response
+
+#: ``dilation`` of elements that are integrated as they are
+WITHOUT_DILATION = np.zeros((0, 0, 0, 0))
 
 
 @njit(cache=True, parallel=True)

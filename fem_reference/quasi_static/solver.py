@@ -83,7 +83,7 @@ class Geometry:
     @classmethod
     def of(cls, case: Case, slope: NDArray, volume: NDArray, displacement: NDArray, gradient: NDArray) -> Geometry:
         """With the dilation, where the case asks for elements that do not lock."""
-        dilation = np.zeros((0, 0, 0, 0))
+        dilation = kernels.WITHOUT_DILATION
         if case.mesh.locking_free:
             mean = np.einsum("eq,eqai->eai", volume, slope) / volume.sum(axis=1)[:, None, None]
             dilation = 0.5 * (mean[:, None] - slope)

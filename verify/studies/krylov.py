@@ -85,8 +85,9 @@ class CrackedBody:
         kernels.displacement_gradients(
             basis.elements, basis.slope, prescribed.reshape(-1, 2), np.zeros_like(gradient), gradient
         )
-        kernels.internal_forces(basis.slope, basis.volume, gradient, g, *self._law, forces, stress, psi)
-        kernels.tangents(basis.slope, basis.volume, gradient, g, *self._law, local)
+        measured = basis.slope, kernels.WITHOUT_DILATION, basis.volume
+        kernels.internal_forces(*measured, gradient, g, *self._law, forces, stress, psi)
+        kernels.tangents(*measured, gradient, g, *self._law, local)
         matrix = self._pattern.full(self._pattern.gather(local))
         return matrix, -gather_vector(self._equations, forces, self._constraints.size)
 
