@@ -1,0 +1,17 @@
+"""A few of the random scenes; ``python -m tests.random_scenes`` draws more of them."""
+
+import pytest
+
+from tests.random_scenes import outcome
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 6])
+def test_solvers_agree_on_a_random_scene_or_say_why_not(seed, tmp_path):
+    found = outcome(seed, tmp_path)
+    assert found.finer > 0.0
+    assert not found.silent
+    assert bool(found.suspicions) == (seed == 3)  # whose slit is pressed shut
+
+
+def test_solvers_agree_on_a_random_scene_that_breaks(tmp_path):
+    assert not outcome(4, tmp_path, breaking=True).silent
