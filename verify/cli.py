@@ -39,7 +39,7 @@ RUN_FAILED, BAD_INPUT, INTERNAL_ERROR = 2, 3, 5
 COLOURS = {"PASS": "green"} | dict.fromkeys(("FAIL", "RUN_FAILED", "SUSPECT"), "red")
 COLOURS |= dict.fromkeys(("MISSING", "NOT_CHECKED"), "yellow")
 EXIT_CODE_HELP = (
-    "Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked,"
+    "Exit codes: 0 within tolerance, 1 out of tolerance or suspect, 2 a run failed, 3 bad input, 4 nothing was checked,"
     " 5 internal error."
 )
 DEBUG = "--debug"
