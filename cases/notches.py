@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cases.errors import BrokenRuleError
-from cases.table import Table
+from cases.table import Switch, Table
 from cases.units import Length, Number, Point
 
 
@@ -55,9 +55,13 @@ class Segment(Table):
 
 
 class SlitNotch(Segment):
-    """Two faces without a gap: nodes are doubled along the segment."""
+    """Two faces without a gap: nodes are doubled along the segment.
+
+    contact : where the faces close they press on each other, without friction; else they go through each other
+    """
 
     kind: Literal["slit"]
+    contact: Switch = False
 
 
 class CellsNotch(Segment):

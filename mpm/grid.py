@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from cases import Case, CaseError
+from cases.notches import SlitNotch
 from cases.spacing import grid_lines
 from mpm.splines import Axis
 from numerics.staggered import NewtonError
@@ -30,7 +31,8 @@ class GridSlit:
     its extent along the other direction; an end on the body's boundary is moved to infinity.
     """
 
-    def __init__(self, source: Path, start: NDArray, end: NDArray, lower: NDArray, upper: NDArray) -> None:
+    def __init__(self, source: Path, notch: SlitNotch, lower: NDArray, upper: NDArray) -> None:
+        start, end, self.contact = np.array(notch.start, float), np.array(notch.end, float), notch.contact
         across = np.isclose(start, end)
         if not across.any():
             raise GridError(
@@ -67,9 +69,9 @@ class Grid:
         self.order = case.mpm.order
         self._box, self._source = (lower, upper), case.source
         self.slits = [
-            GridSlit(case.source, np.array(n.start, float), np.array(n.end, float), lower, upper)
-            for n in case.all_notches
-            if n.kind == "slit"
+            GridSlit(case.source, notch, lower, upper)
+            for notch in case.all_notches
+            if isinstance(notch, SlitNotch)
         ]
         lines = [_widened(np.asarray(axis), case.mpm.margin) for axis in grid_lines(case)]
         self.axes = [Axis(lines[d], self.order, self._multiplicity(d, lines[d])) for d in (0, 1)]
@@ -131,14 +133,29 @@ class Grid:
 
     def _pairs_to_join(self, slits: list[GridSlit], numbers: NDArray) -> NDArray:
         """Pairs (2, n) of functions below and above the line of these slits that none of them parts."""
-        first = slits[0]
-        across, along = self.axes[first.normal], self.axes[1 - first.normal]
-        above = int(np.searchsorted(across.knots, first.position - 1e-12 * np.ptp(across.breakpoints)))
+        below, above = self._along_line(slits[0], numbers)
+        parted = np.logical_or.reduce([self._parted(slit) for slit in slits])
+        return np.stack([below[~parted], above[~parted]])
+
+    def _along_line(self, slit: GridSlit, numbers: NDArray) -> tuple[NDArray, NDArray]:
+        """Of the functions with these numbers (nx, ny), those that end on a slit's line from below and from above."""
+        across = self.axes[slit.normal]
+        above = int(np.searchsorted(across.knots, slit.position - 1e-12 * np.ptp(across.breakpoints)))
+        by_line = np.moveaxis(numbers, slit.normal, 0)
+        return by_line[above - 1], by_line[above]
+
+    def _parted(self, slit: GridSlit) -> NDArray:
+        """Mask of the functions along a slit's line that it parts wholly."""
+        along = self.axes[1 - slit.normal]
         left, right = along.support()
         tolerance = 1e-9 * np.ptp(along.breakpoints)
-        open_ = np.logical_or.reduce([(left >= s.start - tolerance) & (right <= s.end + tolerance) for s in slits])
-        by_line = np.moveaxis(numbers, first.normal, 0)
-        return np.stack([by_line[above - 1, ~open_], by_line[above, ~open_]])
+        return (left >= slit.start - tolerance) & (right <= slit.end + tolerance)
+
+    def face_pairs(self, slit: GridSlit) -> NDArray:
+        """Pairs (n, 2) of nodes on the two faces of a slit, the one above first."""
+        below, above = self._along_line(slit, self.node_number)
+        parted = self._parted(slit)
+        return np.column_stack([above[parted], below[parted]])
 
     def points_at_tips(self, positions: NDArray) -> NDArray:
         """Indices of the points (n, 2) in the four cells around the tips of the slits."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from cases.errors import MeshError
 from cases.mesh_arrays import (
@@ -47,6 +48,22 @@ def split_slits(
             )
         opened |= on_slit
     return _open_edges(mesh, edges, opened)
+
+
+def face_pairs(mesh: MeshArrays, slit: Segment) -> Integers:
+    """Pairs (n, 2) of nodes that lie on each other on the two faces of a slit, the one to the left of it first."""
+    tolerance = ON_SLIT * edge_lengths(mesh.points, mesh.cells).min()
+    along, aside = slit.coordinates(mesh.points)
+    on_slit = (np.abs(aside) < tolerance) & (along > -tolerance) & (along < slit.length + tolerance)
+    _, of_cells = slit.coordinates(mesh.centres())
+    side = np.zeros(len(mesh.points))
+    np.add.at(side, mesh.cells, np.sign(of_cells)[:, None])
+    left, right = np.flatnonzero(on_slit & (side > 0.0)), np.flatnonzero(on_slit & (side < 0.0))
+    if not len(left) or not len(right):
+        return np.zeros((0, 2), dtype=np.int64)
+    distance, nearest = cKDTree(mesh.points[right]).query(mesh.points[left])
+    there = distance < tolerance
+    return np.column_stack([left[there], right[nearest[there]]])
 
 
 def cells_cut_by(mesh: MeshArrays, slit: Segment, tolerance: float) -> np.ndarray:

@@ -6,11 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.mesh_arrays import MeshArrays
+from cases.notches import SlitNotch
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
+from fem_reference.mesh.slits import face_pairs
+from numerics.closing import ClosingFaces
 from numerics.costs import Costs
 from numerics.displacement_equations import DisplacementEquations
 from numerics.sparse_pattern import gather_vector
+from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
 
 
@@ -19,7 +24,10 @@ class MeshEquilibrium(DisplacementEquations):
 
     def __init__(self, case: Case, basis: ElementBasis, costs: Costs) -> None:
         self.constraints = NodeConstraints(case, basis.nodes)
-        super().__init__(basis.elements, self.constraints.equations, self.constraints.size, costs, "direct")
+        self._closing = _closing_faces(case, basis)
+        equations = self.constraints.equations
+        extra = self._closing.coupling(equations)
+        super().__init__(basis.elements, equations, self.constraints.size, costs, "direct", extra)
         self._external = self._body_forces(case, basis)
 
     def _body_forces(self, case: Case, basis: ElementBasis) -> NDArray:
@@ -37,8 +45,21 @@ class MeshEquilibrium(DisplacementEquations):
         prescribed = self.constraints.prescribed
         displacement.reshape(-1)[prescribed] = self.constraints.prescribed_values(load)[prescribed]
 
-    def nodal_forces(self, load: float) -> tuple[NDArray, float]:
-        """Out-of-balance forces (2 n_nodes,) of the local ones, and the norm of what is applied."""
+    def nodal_forces(self, load: float, displacement: NDArray) -> tuple[NDArray, float]:
+        """Out-of-balance forces (2 n_nodes,) of the local ones and of closed slits, and the norm of what is applied."""
         external = load * self._external
-        forces = self.internal_forces() - external
+        forces = self.internal_forces() + self._closing.forces(displacement) - external
         return forces, float(np.linalg.norm(forces[self.constraints.prescribed]) + np.linalg.norm(external))
+
+    def tangent_at(self, displacement: NDArray) -> NDArray:
+        """Stored entries of the matrix of the local tangents and of closed slits at a displacement (n_nodes, 2)."""
+        values = self.tangent()
+        self._closing.add_stiffness(self.pattern, values, self.equations, displacement)
+        return values
+
+
+def _closing_faces(case: Case, basis: ElementBasis) -> ClosingFaces:
+    mesh = MeshArrays(basis.nodes, basis.elements.astype(np.int64), basis.body)
+    slits = [notch for notch in case.notches if isinstance(notch, SlitNotch) and notch.contact]
+    pairs = [(face_pairs(mesh, slit), np.array([-slit.direction[1], slit.direction[0]])) for slit in slits]
+    return ClosingFaces.of(case, pairs, float(MaterialTable(case).stiffness.max()))

@@ -230,7 +230,7 @@ class FiniteElements:
             trial = self.trial
             self._equilibrium.spread(unknowns, trial.displacement)
             self._evaluate_forces()
-            trial.nodal_forces, trial.applied = self._equilibrium.nodal_forces(trial.load)
+            trial.nodal_forces, trial.applied = self._equilibrium.nodal_forces(trial.load, trial.displacement)
             return self._equilibrium.residual(trial.nodal_forces), max(self.committed.force_scale, trial.applied)
 
     def _evaluate_forces(self) -> None:
@@ -252,7 +252,7 @@ class FiniteElements:
                 geometry.slope, geometry.dilation, geometry.volume, self.trial.gradient, stiffness, *self._law,
                 self._equilibrium.local.matrices,
             )  # fmt: skip
-            values = self._equilibrium.tangent()
+            values = self._equilibrium.tangent_at(self.trial.displacement)
         return self._equilibrium.solve(values, -residual)
 
     def commit(self, history_field: NDArray) -> None:

@@ -19,6 +19,7 @@ from mpm.grid import Grid, GridError
 from mpm.placement import PointCloud
 from mpm.quasi_static.point_basis import PointBasis
 from numerics.built import Holds
+from numerics.closing import ClosingFaces
 from numerics.sparse_pattern import SymmetricPattern, gather_vector
 from physics.elasticity import MaterialTable
 from physics.exact import MOTIONS
@@ -359,6 +360,12 @@ def point_penalty(case: Case, cloud: PointCloud, materials: MaterialTable) -> Po
         motions = displacement_motions(case, on_points, cloud.positions)
     modulus = materials.stiffness[:, [0, 1], [0, 1]].max(axis=1)[cloud.body]
     return PointPenalty(case, motions, case.mpm.penalty * modulus * case.plane.thickness)
+
+
+def closing_faces(case: Case, grid: Grid, materials: MaterialTable) -> ClosingFaces:
+    """Springs between the faces of the grid's slits that the case has in contact."""
+    pairs = [(grid.face_pairs(slit), np.eye(2)[slit.normal]) for slit in grid.slits if slit.contact]
+    return ClosingFaces.of(case, pairs, float(materials.stiffness.max()))
 
 
 def _joined(parts: list[NDArray], kind: type) -> NDArray:

@@ -10,6 +10,7 @@ from cases import Case
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.constraints import NodeMotions, PointPenalty
 from mpm.quasi_static.point_basis import PointBasis
+from numerics.closing import ClosingFaces
 from numerics.costs import Costs
 from numerics.displacement_equations import DisplacementEquations
 from numerics.sparse_pattern import gather_vector
@@ -22,7 +23,15 @@ class GridEquilibrium(DisplacementEquations):
     ``prescribed`` (2 n_nodes,) are the unknowns held at nodes.
     """
 
-    def __init__(self, case: Case, active: ActiveGrid, nodes: NodeMotions, springs: PointPenalty, costs: Costs) -> None:
+    def __init__(
+        self,
+        case: Case,
+        active: ActiveGrid,
+        nodes: NodeMotions,
+        springs: PointPenalty,
+        closing: ClosingFaces,
+        costs: Costs,
+    ) -> None:
         n_unknowns = 2 * active.n_nodes
         used = np.zeros(active.n_nodes, bool)
         used[active.cells.nodes.ravel()] = True
@@ -31,7 +40,9 @@ class GridEquilibrium(DisplacementEquations):
         leading = free & (master == np.arange(n_unknowns))
         numbers = np.where(leading, np.cumsum(leading) - 1, -1)
         equations = np.where(free, numbers[master], -1).astype(np.int32)
-        grid_size, extra = int(leading.sum()), springs.coupling(equations, int(leading.sum()))
+        grid_size = int(leading.sum())
+        pairs = [p for p in (springs.coupling(equations, grid_size), closing.coupling(equations)) if p is not None]
+        extra = np.concatenate(pairs) if pairs else None
         #: equations of tied places
         self.tied = slice(grid_size, grid_size + springs.n_tied)
         super().__init__(active.cells.nodes, equations, self.tied.stop, costs, case.mpm.linear_solver, extra)

@@ -14,7 +14,7 @@ from mpm.grid import Grid, GridError
 from mpm.placement import PointCloud, place_points, placement_health
 from mpm.quasi_static import displacement_kernels as kernels
 from mpm.quasi_static.active_grid import ActiveGrid
-from mpm.quasi_static.constraints import node_motions, point_penalty
+from mpm.quasi_static.constraints import closing_faces, node_motions, point_penalty
 from mpm.quasi_static.equilibrium import GridEquilibrium
 from mpm.quasi_static.phase_field import GridPhaseField
 from mpm.quasi_static.point_basis import PointBasis
@@ -44,6 +44,7 @@ class MaterialPoints:
         self._fracture = GridPhaseField(case, grid, materials, cloud.body, self.costs) if breaks else None
         self._node_motions = node_motions(case, grid)
         self._springs = point_penalty(case, cloud, materials)
+        self._closing = closing_faces(case, grid, materials)
         self._check_what_was_built(grid, cloud)
         coefficients = PhaseFieldCoefficients(materials, cloud.body)
         self._residual_stiffness = coefficients.residual_stiffness
@@ -116,7 +117,9 @@ class MaterialPoints:
 
     def _use_cells(self, active: ActiveGrid) -> None:
         """Number the equations of the cells in use."""
-        self._equilibrium = GridEquilibrium(self.case, active, self._node_motions, self._springs, self.costs)
+        self._equilibrium = GridEquilibrium(
+            self.case, active, self._node_motions, self._springs, self._closing, self.costs
+        )
         if self._fracture:
             self._fracture.use_cells(active)
 
@@ -158,7 +161,8 @@ class MaterialPoints:
             self._evaluate_stresses()
             kernels.internal_forces(self.basis.active.cells, self.basis.values, trial.stress, equilibrium.local.vectors)
             external, of_springs = trial.load * self._external, self._spring_forces()
-            trial.nodal_forces = equilibrium.internal_forces() - external
+            of_faces = self._closing.forces(self.state.so_far + trial.increment)
+            trial.nodal_forces = equilibrium.internal_forces() + of_faces - external
             residual = equilibrium.residual(trial.nodal_forces) + self._springs.residual(of_springs)
             applied = np.linalg.norm(trial.nodal_forces[equilibrium.prescribed]) + np.linalg.norm(of_springs)
             trial.applied = float(applied + np.linalg.norm(external))
@@ -187,7 +191,9 @@ class MaterialPoints:
         local = self._equilibrium.local.matrices
         kernels.tangents(basis.active.cells, basis.values, trial.gradient, stiffness, *self._law, local)
         values = self._equilibrium.tangent()
-        self._springs.add_stiffness(self._equilibrium.pattern, values)
+        pattern, equations = self._equilibrium.pattern, self._equilibrium.equations
+        self._springs.add_stiffness(pattern, values)
+        self._closing.add_stiffness(pattern, values, equations, self.state.so_far + trial.increment)
         return values
 
     def first_stiffness(self) -> csr_matrix:

@@ -41,7 +41,7 @@ INDICATORS = {
     ),
     "face_overlap": Indicator(
         "how far the faces of a slit have gone through each other, over the largest displacement",
-        0.01, 'give the notch kind = "history" or "cells" with a split, or none where it stays closed',
+        0.01, "give the slit contact = true",
     ),
     "locking": Indicator(
         "share of the elastic energy in volume changes that alternate from point to point",
