@@ -61,7 +61,7 @@ class SlitNotch(Segment):
     """
 
     kind: Literal["slit"]
-    contact: Switch = False
+    contact: Switch = True
 
 
 class CellsNotch(Segment):
