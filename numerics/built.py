@@ -54,19 +54,26 @@ def check_notches_part(case: Case, places: NDArray, nodes: NDArray, reach: float
     """Raise BuiltError where places on both sides of a notch of left-out cells see the same node.
 
     places : (n, 2) of what is left. nodes : (n, k) that each of them sees. reach : [length] how far a node is seen; so
-    near to the ends of a notch it need not part anything.
+    near to an end within a body a notch need not part anything.
     """
     for number, notch in enumerate(case.notches):
         if not isinstance(notch, CellsNotch):
             continue
         along, aside = notch.coordinates(places)
-        beside = (along > reach) & (along < notch.length - reach) & (np.abs(aside) < 0.5 * notch.width + reach)
+        first, last = (reach * within for within in _ends_within(case, notch))
+        beside = (along > first) & (along < notch.length - last) & (np.abs(aside) < 0.5 * notch.width + reach)
         left, right = (np.unique(nodes[beside & side]) for side in (aside > 0.0, aside < 0.0))
         if len(np.intersect1d(left, right)):
             raise BuiltError(
                 f"{case.source}: notches[{number}].width = {notch.width:g}: with mesh.h = {case.mesh.h:g} the two sides"
                 f" of the left-out cells hang together; {remedy}"
             )
+
+
+def _ends_within(case: Case, notch: CellsNotch) -> NDArray:
+    """Mask (2,) of the ends of a notch that lie in a body by more than half a cell."""
+    ends, depth = np.array([notch.start, notch.end]), 0.5 * case.mesh.h
+    return np.logical_or.reduce([body.contains(ends, -depth) for body in case.bodies.values()])
 
 
 def check_support(case: Case, holds: Holds, part: NDArray, body: NDArray) -> None:

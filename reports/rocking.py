@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from physics.rocking.ground import response_spectrum
 from physics.rocking.motion import OVERTURNED
-from physics.rocking.of_case import block_of, ground_motion
 from verify.metrics.rocking import rocking_of, verdict_on
 
 from . import style
@@ -42,6 +40,8 @@ def angles(results: CaseResults, folder: Path) -> style.Drawing | None:
         time, angle, _ = rocking_of(run.folder)
         axes.plot(time, np.degrees(angle), linestyle=run.method.line, color=colours[run.name], label=run.label)
         tables.append(pd.DataFrame({"run": run.name, "time": time, "angle": np.degrees(angle)}))
+    from physics.rocking.of_case import block_of  # compiled: on use
+
     _mark_no_return(axes, math.degrees(block_of(case).slenderness), pd.concat(tables)["angle"])
     style.legend_below(figure, [axes], columns=2)
     said = listed(f"{run.name} {_verdict(run)}" for run in runs)
@@ -74,6 +74,9 @@ def ground(results: CaseResults, folder: Path) -> style.Drawing | None:
     if case is None or case.dynamics is None or case.dynamics.ground is None:
         return None
     figure, grid = style.panels(1, 2, 8.2, 3.2, grid=True)
+    from physics.rocking.ground import response_spectrum
+    from physics.rocking.of_case import ground_motion  # compiled: on use
+
     motions = {run.name: ground_motion(run.folder.case) for run in results.shown_runs()}
     distinct = {(m.kind, m.amplitude, m.end, m.cycles): (name, m) for name, m in reversed(motions.items())}
     colours = style.colours_of([name for name, _ in distinct.values()])

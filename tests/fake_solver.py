@@ -35,6 +35,14 @@ shape = { rectangle = { lower = [0, 0], upper = [1, 1] } }
 on = "top"
 direction = "y"
 scale = 1.0
+[[constraints]]
+on = "bottom"
+direction = "x"
+value = 0
+[[constraints]]
+on = "bottom"
+direction = "y"
+value = 0
 [load]
 path = [0.0, 0.01]
 increment = 0.001

@@ -51,7 +51,10 @@ MOVING = """
 """
 PULLED = '    tractions = [{ on = "top", value = [0.0, 2.0] }, { on = "bottom", value = [0.0, -2.0] }]\n'
 FLYING = "    bodies.plate.velocity = [0.05, 0.02]\n"
-STILL = "    load = { path = [0.0] }\n"
+STILL = """
+    load = { path = [0.0] }
+    constraints = [{ on = "bottom", direction = "x", value = 0 }, { on = "bottom", direction = "y", value = 0 }]
+"""
 
 
 def plate_case(tmp_path: Path, *texts: str, run: str = "mpm", tolerance: float = 1e-3, passes: int = 1) -> Case:

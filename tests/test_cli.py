@@ -247,7 +247,7 @@ def test_plan_prints_sizes_before_anything_runs(tmp_path: Path, capsys: pytest.C
     case = fake_solver.write_case(tmp_path / "square")
     assert verify("plan", case, "--tier", "quick", "--run", "fem") == 0
     said = capsys.readouterr().out
-    assert "25" in said and "66 of u, 36 of c" in said and "11 or more" in said
+    assert "25" in said and "54 of u, 36 of c" in said and "11 or more" in said
 
 
 def test_surface_energy_is_drawn_before_anything_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -132,7 +132,7 @@ def test_notch_in_the_phase_field_is_not_traced():
     points, notch = POINTS["gauss"], np.array([[0.0, 0.5], [0.5, 0.5]])
     line = np.array([[0.5, 0.5], [0.62, 0.56]])
     case = SimpleNamespace(
-        notches=[SimpleNamespace(kind="history", start=notch[0], end=notch[1])],
+        all_notches=[SimpleNamespace(kind="history", start=notch[0], end=notch[1])],
         mesh=SimpleNamespace(h=H),
         materials={},
     )

@@ -97,7 +97,7 @@ def test_the_metric_takes_the_direction_of_the_crack_or_of_its_notch(broken):
     data = turned_state(points) | {"reference": points @ TURN.T, "volume": volume, "phase_field": phase}
     notch = SimpleNamespace(kind="slit", start=TURN @ (TIP - (1.0, 0.0)), end=TURN @ TIP)
     case = SimpleNamespace(
-        plane=SimpleNamespace(thickness=THICKNESS), notches=() if broken else (notch,), mesh=SimpleNamespace(h=0.02)
+        plane=SimpleNamespace(thickness=THICKNESS), all_notches=() if broken else (notch,), mesh=SimpleNamespace(h=0.02)
     )
     run = SimpleNamespace(
         case=case, info={"run": "a run"}, snapshots=lambda: [(0.0, 0, SimpleNamespace(point_data=data))]
@@ -139,7 +139,7 @@ def test_metric_averages_the_last_third_of_the_snapshots_around_the_traced_tip()
 
     tips = [TIP + np.array([x, 0.0]) for x in (-0.2, -0.15, -0.1, -0.05, 0.0, 0.05)]
     snapshots = [snapshot(tip, factor) for tip, factor in zip(tips, [9, 9, 9, 9, 1, 3], strict=True)]
-    case = SimpleNamespace(plane=SimpleNamespace(thickness=THICKNESS), notches=[], mesh=SimpleNamespace(h=h))
+    case = SimpleNamespace(plane=SimpleNamespace(thickness=THICKNESS), all_notches=[], mesh=SimpleNamespace(h=h))
     run = SimpleNamespace(case=case, info={"run": "a run"}, snapshots=lambda: snapshots)
     found = METRICS["energy_release_rate"](run, inner=0.3, outer=0.6)
     assert found == pytest.approx(2 * EXACT, rel=1e-2)

@@ -43,7 +43,7 @@ def synthetic_run(broken: bool = True, shift: float = 0.0):
     history = pd.DataFrame({"time": time, "E_el": 0.01 * time, "E_frac": 0.5 + 0.02 * time + shift})
     case = SimpleNamespace(
         name="drawn", mesh=SimpleNamespace(h=H), plane=SimpleNamespace(thickness=1.0), materials={"glass": GLASS},
-        notches=(HistoryNotch(kind="history", start=(0.0, 20.0), end=tuple(START), factor=1000.0),),
+        all_notches=(HistoryNotch(kind="history", start=(0.0, 20.0), end=tuple(START), factor=1000.0),),
     )  # fmt: skip
     info = {"run": "drawn", "seconds": {"phase_field": 2.0, "increments": 8.0}}
     nothing = np.empty((0, 2))
@@ -83,7 +83,7 @@ def test_a_crack_has_no_direction_where_nothing_broke_beyond_its_notch():
     with pytest.raises(MetricError, match="nothing broke beyond its notch"):
         METRICS["crack_direction"](synthetic_run(), until=0.5)
     without = synthetic_run()
-    without.case.notches = ()
+    without.case.all_notches = ()
     with pytest.raises(MetricError, match="0 notches"):
         METRICS["crack_direction"](without)
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.rocking.motion import OVERTURNED, Verdict, impacts_of, settled_verdict
-from physics.rocking.of_case import block_of, ground_motion
 from verify.metrics.metric import MetricError, history_column, metric, run_name
 from verify.metrics.motion import at_time
 
@@ -51,6 +50,8 @@ def verdict_on(run: RunData) -> Verdict:
     is safe as well.
     """
     time, angle, rate = rocking_of(run)
+    from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
+
     case, block = run.case, block_of(run.case)
     ground_end = ground_motion(case).end
     verdict = settled_verdict(block, ground_end, time, angle, rate[-1])
@@ -109,6 +110,8 @@ def first_impact_time(run: RunData) -> float:
 def energy_kept(run: RunData) -> float:
     """What an impact leaves, as a rigid block's potential energy at the largest angles before and after it."""
     time, angle, _ = rocking_of(run)
+    from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
+
     block, start = block_of(run.case), ground_motion(run.case).end
     ends = np.searchsorted(time, [*impacts_of(time, angle), math.inf])
     size, peaks = np.abs(angle), []
@@ -155,6 +158,8 @@ def _degrees_between(run: RunData, start: float, end: float) -> NDArray[np.float
 @metric("number", "relative error of the force that carries the body's weight")
 def support_error(run: RunData, *, start: float, end: float) -> float:
     """Mean vertical force of contact between two times, less the change of momentum, against the weight."""
+    from physics.rocking.of_case import block_of  # compiled: on use
+
     case, body, block = run.case, rocking_body(run.case), block_of(run.case)
     columns = [f"{body}_{name}_y" for name in ("impulse", "momentum")]
     impulse, momentum = (at_time(run, name, end) - at_time(run, name, start) for name in columns)

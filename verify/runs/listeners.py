@@ -12,7 +12,6 @@ import numpy as np
 
 from numerics.status import RunStatus
 from physics.rocking.motion import settled_verdict
-from physics.rocking.of_case import block_of, ground_motion
 
 if TYPE_CHECKING:
     from cases import Case
@@ -68,6 +67,8 @@ class SettledVerdict(Listener):
 
     def __init__(self, case: "Case") -> None:
         assert case.rocking is not None
+        from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
+
         self._body, self._block, self._end = case.rocking.body, block_of(case), ground_motion(case).end
         self._time: list[float] = []
         self._angle: list[float] = []
