@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 
 from cases import list_cases, load_case
-from cases.solvers import SOLVERS
 from reports.tables import price_rows
 from verify import cli
 from verify.judging.targets import JudgeError
@@ -244,8 +243,8 @@ def test_a_factor_counts_both_ways() -> None:
 def test_nine_predictions_in_ten_are_within_a_factor_of_two() -> None:
     """Over the measured runs of all cases that the constants were fitted to."""
     table = pd.read_csv(calibration.RUNS_FILE)
-    solvers = {name: {spec.solver for spec in load_case(name).run_specs().values()} for name in list_cases()}
-    assert set(table["case"]) == {n for n, used in solvers.items() if not all(SOLVERS[s].of_rigid_block for s in used)}
+    # a rocking block's grid is so small that the calls of a step, which the constants leave out, take most of its time
+    assert set(table["case"]) == {name for name in list_cases() if load_case(name).rocking is None}
     ratios = calibration.predicted(table, calibration.constants())
     for name in ("unknowns", "seconds", "memory_mb"):
         assert calibration.within_factor(ratios[name]) >= 0.9

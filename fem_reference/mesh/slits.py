@@ -63,7 +63,7 @@ def face_pairs(mesh: MeshArrays, slit: Segment) -> Integers:
         return np.zeros((0, 2), dtype=np.int64)
     distance, nearest = cKDTree(mesh.points[right]).query(mesh.points[left])
     there = distance < tolerance
-    return np.column_stack([left[there], right[nearest[there]]])
+    return np.column_stack([left[there], right[np.asarray(nearest)[there]]])
 
 
 def cells_cut_by(mesh: MeshArrays, slit: Segment, tolerance: float) -> np.ndarray:
