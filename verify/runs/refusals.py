@@ -1,5 +1,6 @@
 """What solvers object to in a case, asked before anything is computed."""
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -8,35 +9,41 @@ from cases.solvers import SOLVERS
 from cases.spacing import count_cells
 from verify.runs.running import DISCRETISATIONS
 
-#: cells of a grid up to which a solver is set up to hear whether it takes a case, and of all such grids together
-MOST_TRIED, MOST_TRIED_TOGETHER = 60_000, 600_000
+#: cells of a grid up to which a solver is set up to hear whether it takes a case
+MOST_TRIED = 30_000
+#: processor seconds after which no further run is tried
+MOST_SECONDS = 8.0
 
 
 @dataclass
 class Refusals:
-    """Sentences of what was refused, each once, and how many runs were too large to be tried."""
+    """Sentences of what was refused, each once; how many runs were too large to be tried, and whether time ran out."""
 
     sentences: list[str] = field(default_factory=list)
-    untried: int = 0
+    too_large: int = 0
+    out_of_time: bool = False
 
     @property
     def note(self) -> str:
         """What is said of runs that were not tried; empty where all were."""
-        return f" as it reads; {self.untried} runs are too large to be set up for a try" if self.untried else ""
+        untried = [f"{self.too_large} runs with large grids"] if self.too_large else []
+        untried += ["some of its many runs"] if self.out_of_time else []
+        return f" as it reads; {' and '.join(untried)} were not set up for a try" if untried else ""
 
 
 def refusals(cases: Iterable[Case]) -> Refusals:
     """Set up the solver of each run, the cases with its changes merged in; equal computations once."""
-    found, seen, cells = Refusals(), set(), 0
+    found, seen, until = Refusals(), set(), time.process_time() + MOST_SECONDS
     for case in cases:
+        if time.process_time() > until:
+            found.out_of_time = True
+            break
         if case.hash() in seen:
             continue
         seen.add(case.hash())
-        of_case = count_cells(case)
-        if of_case > MOST_TRIED or cells + of_case > MOST_TRIED_TOGETHER:
-            found.untried += 1
+        if count_cells(case) > MOST_TRIED:
+            found.too_large += 1
             continue
-        cells += of_case
         sentence = _refusal(case)
         if sentence and sentence not in found.sentences:
             found.sentences.append(sentence)
