@@ -57,7 +57,8 @@ class Segment(Table):
 class SlitNotch(Segment):
     """Two faces without a gap: nodes are doubled along the segment.
 
-    contact : where the faces close they press on each other, without friction; else they go through each other
+    contact : where the faces close they press on each other, without friction; else they go through each other, and so do
+        those of the material points where mesh.follow_crack makes new grids
     """
 
     kind: Literal["slit"]

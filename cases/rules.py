@@ -83,10 +83,6 @@ def _is_static_or_dynamic(case: CaseDescription) -> None:
 
 
 def _fits_statics(case: CaseDescription) -> None:
-    for number, notch in enumerate(case.notches):
-        if notch.kind == "slit" and notch.contact and case.mesh.follow_crack:
-            remedy = "remove mesh.follow_crack, or give contact = false"
-            raise BrokenRuleError("needs a grid that stays", remedy, f"notches[{number}].contact", True)
     moving = ["tractions"] if case.tractions else []
     moving += [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
     moving += ["output.times"] if case.output.times or case.output.frames else []

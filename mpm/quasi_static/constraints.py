@@ -363,8 +363,13 @@ def point_penalty(case: Case, cloud: PointCloud, materials: MaterialTable) -> Po
 
 
 def closing_faces(case: Case, grid: Grid, materials: MaterialTable) -> ClosingFaces:
-    """Springs between the faces of the grid's slits that the case has in contact."""
-    pairs = [(grid.face_pairs(slit), np.eye(2)[slit.normal]) for slit in grid.slits if slit.contact]
+    """Springs between the faces of the grid's slits that the case has in contact.
+
+    None on a grid that follows the crack: a new one does not know how far its faces are apart. The health record tells
+    where they go through each other.
+    """
+    in_contact = [slit for slit in grid.slits if slit.contact and not case.mesh.follow_crack]
+    pairs = [(grid.face_pairs(slit), np.eye(2)[slit.normal]) for slit in in_contact]
     return ClosingFaces.of(case, pairs, float(materials.stiffness.max()))
 
 
