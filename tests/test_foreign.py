@@ -340,7 +340,7 @@ def test_the_fixture_fails_with_the_table_of_checks(square: Case, tmp_path: Path
     written(tmp_path, csv(U, 1.1 * F))
     test = f"def test_mine(fracture_case):\n    fracture_case({str(square.source)!r}).judge('mine.csv', tier='quick')\n"
     written(tmp_path, test, "test_mine.py")
-    command = [sys.executable, "-m", "pytest", "-p", "verify.pytest_plugin", "-p", "no:cacheprovider", "test_mine.py"]
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "test_mine.py"]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
     assert done.returncode == 1, done.stdout + done.stderr
