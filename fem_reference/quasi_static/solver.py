@@ -100,12 +100,10 @@ class FiniteElements:
         self.case, self.costs = case, Costs()
         materials = MaterialTable(case)
         self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))
-        if case.mesh.locking_free and basis.elements.shape[1] == 3:
-            raise MeshError(f"{case.source}: mesh.locking_free: linear triangles have no B-bar; mesh with quadrilaterals")
         self._law = materials.law, basis.body.astype(np.uint32)
         self._equilibrium = MeshEquilibrium(case, basis, self.costs)
         constraints, breaks = self._equilibrium.constraints, bool(materials.breakable.any())
-        self._check_support(constraints)
+        _check_built(case, basis, constraints)
         self._fracture = MeshPhaseField(case, basis, materials, constraints, self.costs) if breaks else None
         coefficients = PhaseFieldCoefficients(materials, basis.body[:, None])
         self._residual_stiffness = coefficients.residual_stiffness
@@ -116,11 +114,6 @@ class FiniteElements:
             points=basis.volume.size,
             cells=len(basis.elements),
         )
-
-    def _check_support(self, constraints: NodeConstraints) -> None:
-        basis = self.basis
-        part = parts_of_nodes(basis.elements, len(basis.nodes))
-        check_support(self.case, constraints.holds(part), part[basis.elements[:, 0]], basis.body)
 
     def _set_states(self, coefficients: PhaseFieldCoefficients) -> None:
         basis, shape, load = self.basis, self.basis.volume.shape, self.case.load.path[0]
@@ -349,3 +342,11 @@ class FiniteElements:
         """Least quality of the moved elements, and errors against the exact solution where the case has one."""
         quality = float(scaled_jacobian(self.basis.nodes + self.trial.displacement, self.basis.elements).min())
         return exact_errors(self.case, self.fields(), self.trial.load) | {"element_quality": quality}
+
+
+def _check_built(case: Case, basis: ElementBasis, constraints: NodeConstraints) -> None:
+    """Raise MeshError or BuiltError where a body can move freely, or elements would lock although the case forbids it."""
+    if case.mesh.locking_free and basis.elements.shape[1] == 3:
+        raise MeshError(f"{case.source}: mesh.locking_free: linear triangles have no B-bar; mesh with quadrilaterals")
+    part = parts_of_nodes(basis.elements, len(basis.nodes))
+    check_support(case, constraints.holds(part), part[basis.elements[:, 0]], basis.body)

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from cases import Case
-from mpm.grid import Grid, GridError
-from mpm.placement import PointCloud, place_points, placement_health
+from mpm.grid import Grid
+from mpm.placement import place_points, placement_health
 from mpm.quasi_static import displacement_kernels as kernels
 from mpm.quasi_static.active_grid import ActiveGrid
+from mpm.quasi_static.built import check_built
 from mpm.quasi_static.constraints import closing_faces, node_motions, point_penalty
 from mpm.quasi_static.equilibrium import GridEquilibrium
 from mpm.quasi_static.phase_field import GridPhaseField
 from mpm.quasi_static.point_basis import PointBasis
 from mpm.quasi_static.point_state import Places, PointState, TrialState
-from numerics.built import check_notches_part, check_support, parts_of_nodes
 from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
@@ -45,7 +45,7 @@ class MaterialPoints:
         self._node_motions = node_motions(case, grid)
         self._springs = point_penalty(case, cloud, materials)
         self._closing = closing_faces(case, grid, materials)
-        self._check_what_was_built(grid, cloud)
+        check_built(case, grid, cloud, self._node_motions, self._springs)
         coefficients = PhaseFieldCoefficients(materials, cloud.body)
         self._residual_stiffness = coefficients.residual_stiffness
         self.state = PointState.first(
@@ -57,21 +57,6 @@ class MaterialPoints:
         )
         self.trial = TrialState.of(self.state)
         self.costs.count["points"] = len(cloud.positions)
-
-    def _check_what_was_built(self, grid: Grid, cloud: PointCloud) -> None:
-        """Notches part the points, and the bodies are held."""
-        if self.case.mesh.locking_free and grid.order == 1:
-            text = "mesh.locking_free: B-splines of order 1 lock and have no B-bar; set mpm.order = 2"
-            raise GridError(f"{self.case.source}: {text}")
-        case, sides = self.case, [slit.sides(cloud.positions) for slit in grid.slits]
-        nodes = grid.cell_nodes(*grid.locate(cloud.positions, sides))
-        reach = (grid.order + 1) * case.mesh.h
-        remedy = f'make mesh.h no more than 1/{grid.order + 2} of it, or give kind = "slit" or "history"'
-        check_notches_part(case, cloud.positions, nodes, reach, remedy)
-        of_nodes = parts_of_nodes(nodes, grid.n_nodes)
-        part = of_nodes[nodes[:, 0]]
-        at_nodes, on_points = self._node_motions.holds(of_nodes), self._springs.holds(cloud.positions, part)
-        check_support(case, at_nodes.joined(on_points), part, cloud.body)
 
     def warm_up(self) -> None:
         """Compile every kernel, so that the clock times the work alone."""

@@ -183,7 +183,7 @@ def _connected(places: NDArray) -> int:
     """Connected groups of the unit cells that places (n, 2) lie in, across corners too."""
     cells = np.unique(np.floor(places + _ASIDE).astype(np.int64), axis=0)
     size = np.ptp(cells, axis=0) + 1
-    if size.prod() > _MOST_CELLS:
+    if np.prod(size, dtype=float) > _MOST_CELLS:
         return len(cells)
     filled = np.zeros(size, bool)
     filled[tuple((cells - cells.min(axis=0)).T)] = True

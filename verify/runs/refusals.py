@@ -58,6 +58,8 @@ def _refusal(case: Case) -> str:
         DISCRETISATIONS[case.run_spec(case.run or "").solver](case)
     except UserError as error:
         return str(error)
+    except ModuleNotFoundError:  # an extra that is not installed is no fault of the case
+        raise
     except Exception as error:  # a solver that stumbles over a case takes it as little as one that refuses it
         text = " ".join(str(error).split())
         return f"{case.source}: run {case.run}: {type(error).__name__}: {text}; the solver cannot set it up"
