@@ -17,6 +17,7 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup, escape
 
 from cases import UserError
+from verify.judging import coverage
 
 from . import (  # isort: skip
     charts, curves, fields, film, maps, motion, orientations, rocking, scene, style, surface, sweeps, tables, words,
@@ -107,12 +108,25 @@ def write_report(out: Path, jobs: int = 1) -> Path:
         with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
             pages = list(pool.map(page, summary["cases"]))
     file = out / "index.html"
+    printed = _write_printed(summary, out)
     overview = _environment().get_template("index.html").render(
-        summary=summary, pages=pages, environment=_computed_with(pages),
+        summary=summary, pages=pages, environment=_computed_with(pages), printed=printed,
         sentence=words.overview_sentence(summary["cases"]), root="",
     )  # fmt: skip
     file.write_text(overview, encoding="utf-8")
     return file
+
+
+def _write_printed(summary: Mapping[str, Any], out: Path) -> str:
+    """Write the page of printed numbers beside ours and return its sentence; empty where no case has any."""
+    cases = [CaseResults(entry, out).case for entry in summary["cases"]]
+    rows = coverage.coverage([case for case in cases if case], out)
+    if not rows:
+        return ""
+    sentence = coverage.coverage_sentence(rows)
+    page = _environment().get_template("printed.html").render(rows=rows, sentence=sentence, root="")
+    (out / "printed.html").write_text(page, encoding="utf-8")
+    return sentence
 
 
 def _environment() -> Environment:

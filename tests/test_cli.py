@@ -181,8 +181,8 @@ def test_accept_then_compare_is_within(
 @pytest.mark.parametrize(
     "command",
     [
-        "list", "validate", "plan", "surface", "run", "compare", "report", "accept", "schema", "chart", "stability",
-        "price", "calibrate",
+        "list", "validate", "plan", "surface", "run", "compare", "report", "coverage", "accept", "schema", "chart",
+        "stability", "price", "calibrate",
     ],
 )
 def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:

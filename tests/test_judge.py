@@ -17,6 +17,7 @@ from numerics.quasi_static import Increment
 from verify import compare
 from verify.judging.acceptance import accept
 from verify.judging.baseline import read_baseline
+from verify.judging.coverage import NO_CHECK, coverage, coverage_sentence
 from verify.judging.judge import judge_case
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.targets import JudgeError
@@ -140,6 +141,22 @@ def test_a_changed_result_fails_against_the_baseline(tmp_path: Path, monkeypatch
     fake_solver.install(monkeypatch, mpm_factor=1.03)
     run(case, "mpm", out=out, force=True)
     assert judge_case(case, out).verdict == "FAIL"
+
+
+def test_printed_numbers_stand_beside_ours(tmp_path: Path) -> None:
+    """Of a run, then of the record that accepting leaves; what no check compares is told."""
+    values = "values = { peak_force = 0.5, displacement_at_peak = 0.7 }"
+    reference = f'[references.paper]\nkind = "table"\nsource = "Someone (2010)"\n{values}'
+    case, out = made(tmp_path, fake_solver.check("reference:paper", 0.03), reference)
+    peak, place = coverage([case], out)
+    assert (peak.quantity, peak.ours, peak.found, peak.gated) == ("peak_force", pytest.approx(0.51), "run", True)
+    assert peak.share == pytest.approx(0.02)  # a hair above
+    assert (place.quantity, place.ours, place.reason) == ("displacement_at_peak", None, NO_CHECK)
+    assert coverage([case], tmp_path / "nothing")[0].ours is None
+    accept(case, "first values", out)
+    assert coverage([case], tmp_path / "nothing")[0].found.startswith("baseline of")
+    assert "1 more within 5%" in coverage_sentence([peak, place])
+    assert "1 without a value" in coverage_sentence([peak, place])
 
 
 def test_accepting_keeps_the_other_tiers(tmp_path: Path) -> None:

@@ -440,6 +440,36 @@ def report(
     typer.echo(f"Report: {write_report(out, jobs)}")
 
 
+@app.command("coverage")
+def coverage_command(
+    case: OptionalCase = None,
+    source: Annotated[str, typer.Option("--source", help="only sources with this in their name: Kakouris")] = "",
+    out: OutOption = DEFAULT_OUT,
+    to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="write the table as CSV")] = None,
+) -> None:
+    """Put every printed number beside ours, of the finest tier that has one, run or baseline. Computes nothing.
+
+    Examples: `verify coverage --source Kakouris` · `verify coverage l_panel --to l_panel.csv`
+    """
+    from verify.judging.coverage import coverage, coverage_sentence, coverage_table
+
+    rows = [row for row in coverage(_selected(case, "standard"), out) if source.lower() in row.source.lower()]
+    if not rows:
+        raise typer.BadParameter("there is no printed number of that source; leave --source out to see all")
+    shown = Table("case", "quantity", "run", "tier", "printed", "ours", "off", "limit")
+    for row in rows:
+        off = "" if row.share is None else f"{100 * row.share:.2g} %"
+        ours = "" if row.ours is None else f"{row.ours:.6g}"
+        limit = f"{row.limit:g}" if row.gated else "shown"
+        shown.add_row(row.case, row.quantity, row.run, row.tier, f"{row.printed:.6g} {row.unit}", ours, off, limit)
+    console = _console()
+    console.print(shown)
+    console.print(coverage_sentence(rows))
+    if to:
+        write_table(to, coverage_table(rows))
+        console.print(f"Table: {to}")
+
+
 @app.command("accept")
 def accept_command(
     case: CaseArgument,

@@ -1,19 +1,21 @@
 """Values of finished runs become the baseline of a case and tier, with the version of the code that made them.
 
+Values that are checked against printed ones are recorded with them.
 The histories and crack paths of its main runs are kept beside it, against which results from elsewhere are judged.
 """
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from datetime import date
 from pathlib import Path
 
 import numpy as np
 
 from cases import Case, Check
-from verify.judging.baseline import BaselineRow, parameters_text, read_baseline, write_baseline
+from verify.judging.baseline import BaselineRow, key_of, parameters_text, read_baseline, write_baseline
 from verify.judging.judge import Judge, UnavailableError, checks_of, find_runs
-from verify.judging.targets import JudgeError, members_of
+from verify.judging.targets import JudgeError, is_printed, members_of
 from verify.metrics.curves import CurveError
 from verify.metrics.registry import metric_unit
 from verify.runs.kept import keep, main_runs, read_kept
@@ -49,12 +51,18 @@ def accept(case: Case, reason: str, out: Path) -> list[BaselineRow]:
     reason = " ".join(reason.split())
     if not reason:
         raise JudgeError('A baseline changes only with a reason: give --reason "why the new values are right".')
-    checks = [check for check in checks_of(case) if check.against == "baseline"]
+    everything = checks_of(case)
+    checks = [check for check in everything if check.against == "baseline"]
     if not checks and not main_runs(case):
         said = f"no check of tier {case.tier!r} is against the baseline and every run is one of a sweep"
         raise JudgeError(f"{case.source}: {said}; nothing to accept.")
     judge = Judge(case, find_runs(case, out))
     rows = {row.key: row for row in (_accepted(case, check, judge, reason) for check in checks)}
+    for check in everything:
+        if is_printed(case, check) and key_of(check, case) not in rows:
+            with suppress(JudgeError):  # what a run does not give is told by its check
+                row = _accepted(case, check, judge, "recorded beside the printed value")
+                rows[row.key] = row
     keep_main_runs(case, judge)
     if rows:
         kept = [row for row in read_baseline(case) if row.tier != case.tier]

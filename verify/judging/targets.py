@@ -84,6 +84,12 @@ def members_of(case: Case, run_name: str) -> list[str]:
     return [name for name in case.expanded_runs() if case.run_spec(name).family == run_name]
 
 
+def is_printed(case: Case, check: Check) -> bool:
+    """The check holds a value against one that somebody printed."""
+    kind, name = check.target
+    return kind == "reference" and check.metric in case.references[name].values
+
+
 def value_of(check: Check, case: Case, available: Available) -> float:
     """What the run gives for the check's metric; MetricError or CurveError where it gives nothing.
 

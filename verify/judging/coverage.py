@@ -1,0 +1,118 @@
+"""Printed numbers beside ours: every value of every reference, whether a check holds us to it, and how far off we are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from cases import Case, Check, UserError, load_case
+from cases.judging import TIERS
+from verify.judging.baseline import key_of, read_baseline
+from verify.judging.judge import Judge, UnavailableError, checks_of, find_runs
+from verify.judging.targets import is_printed
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import metric_unit
+
+#: misses up to which a printed number counts as met, and as near
+MET, NEAR = 0.02, 0.05
+NO_CHECK = "no check compares it"
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A printed value and what we have for it.
+
+    ours : of the finest tier that has one, found in a run or a baseline; None without
+    limit : of the check, which gates or only shows, and why; 0 where no check compares the two
+    """
+
+    case: str
+    source: str
+    kind: str
+    quantity: str
+    unit: str
+    printed: float
+    run: str = ""
+    tier: str = ""
+    ours: float | None = None
+    found: str = ""
+    limit: float = 0.0
+    gated: bool = False
+    reason: str = NO_CHECK
+
+    @property
+    def share(self) -> float | None:
+        """Miss as a share of the printed value; None without a value of ours, or where nought is printed."""
+        return abs(self.ours / self.printed - 1.0) if self.ours is not None and self.printed else None
+
+
+def coverage(cases: Iterable[Case], out: Path) -> list[Printed]:
+    """Every printed value of the cases, from the finished runs under ``out`` and the baselines. Nothing is computed.
+
+    cases : at any tier; all tiers are looked at.
+    """
+    return [row for case in cases for row in _of_case([load_case(case.source, tier) for tier in reversed(TIERS)], out)]
+
+
+def _of_case(tiers: list[Case], out: Path) -> Iterator[Printed]:
+    found = [row for case in tiers for row in _of_tier(case, out)]
+    best: dict[tuple[str, str, str, str], Printed] = {}
+    for row in found:  # the finest tier comes first
+        key = (row.source, row.quantity, row.run, f"{row.printed:g}")
+        if key not in best or (best[key].ours is None and row.ours is not None):
+            best[key] = row
+    yield from best.values()
+    held = {(row.source, row.quantity) for row in found}
+    for reference in tiers[0].references.values():
+        for quantity, value in reference.values.items():
+            if (reference.source, quantity) not in held:
+                yield Printed(tiers[0].name, reference.source, reference.kind, quantity, _unit(quantity, tiers[0]), value)
+
+
+def _unit(quantity: str, case: Case) -> str:
+    try:
+        return metric_unit(quantity, case)
+    except MetricError:
+        return ""
+
+
+def _of_tier(case: Case, out: Path) -> Iterator[Printed]:
+    judge, baseline = Judge(case, find_runs(case, out)), {row.key: row for row in read_baseline(case)}
+    for check in checks_of(case):
+        if not is_printed(case, check):
+            continue
+        name = check.target[1]
+        reference, printed = case.references[name], float(case.references[name].values[check.metric])
+        ours, found = _ours(check, judge)
+        if ours is None and (row := baseline.get(key_of(check, case))):
+            ours, found = row.value, f"baseline of {row.date}"
+        yield Printed(
+            case.name, reference.source, reference.kind, check.metric, metric_unit(check.metric, case), printed,
+            check.run, case.tier, ours, found, check.limit, check.gate, check.reason,
+        )  # fmt: skip
+
+
+def _ours(check: Check, judge: Judge) -> tuple[float | None, str]:
+    try:
+        return judge.value(check), "run"
+    except (UnavailableError, UserError, ValueError):
+        return None, ""
+
+
+def coverage_table(rows: Iterable[Printed]) -> pd.DataFrame:
+    """The rows as a table, and how far off each is, as a share."""
+    return pd.DataFrame([vars(row) | {"share": row.share} for row in rows])
+
+
+def coverage_sentence(rows: list[Printed]) -> str:
+    """How many of the printed numbers are met, one sentence."""
+    shares = [row.share for row in rows if row.share is not None]
+    met, near = (sum(share <= limit for share in shares) for limit in (MET, NEAR))
+    far = len(shares) - near
+    return (
+        f"{len(rows)} comparisons with printed numbers: {met} within {MET:.0%}, {near - met} more within {NEAR:.0%}, "
+        f"{far} farther off, {len(rows) - len(shares)} without a value of ours, or of a printed nought."
+    )
