@@ -118,6 +118,10 @@ class Load(Table):
         if self.smallest > self.increment:
             remedy = f"make it no more than increment = {self.increment:g}"
             raise BrokenRuleError("is above the increment", remedy, "smallest", self.smallest)
+        legs = [abs(after - before) for before, after in pairwise(self.path)]
+        if legs and self.increment > max(legs) * (1.0 + 1e-9):
+            remedy = f"make it no more than {max(legs):g}"
+            raise BrokenRuleError("is longer than every leg of the path", remedy, "increment", self.increment)
         for before, after in pairwise(self.path):
             if before == after:
                 raise BrokenRuleError("stands still", "remove the repeated value", "path", list(self.path))

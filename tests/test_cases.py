@@ -558,6 +558,7 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "load without a point": (toy(load__path=[]), "load.path", "at least 1"),
     "load that stands still": (toy(load__path=[0, 1, 1]), "load.path", "remove the repeated"),
     "load without increment": (without("load", "increment"), "load.increment", "add"),
+    "increment beyond the path": (toy(load__increment=1), "load.increment", "make it no more than"),
     "smallest above increment": (toy(load__smallest=1), "load.smallest", "no more than"),
     "notch outside": (toy(notches=[SLIT | {"end": [1.5, 0.5]}]), "notches[0].end", "move it into"),
     "notch without length": (toy(notches=[SLIT | {"end": [0, 0.5]}]), "notches[0].end", "move one"),
