@@ -73,7 +73,8 @@ class Fracture(Table):
         derived from the mesh
     residual_stiffness : k_f in the degradation g(c) = (1 - k_f) c² + k_f, dimensionless
     split : how the elastic energy is divided into a part that drives the crack and one that does not; "orthogonal"
-        parts the strain by the principal values of C^(1/2) strain, for any stiffness C, in quasi-static cases
+        parts the strain by the principal values of C^(1/2) strain, for any stiffness C, in quasi-static cases;
+        "spectral" takes the principal strains of the plane, "spectral_plane_stress" the third one with them
     order : of the equation for the phase field; 4 has the last term of the crack density, 2 has not
     gamma : that term, only with order 4
     orientation : of the material's axis 1, counter-clockwise from the x axis [degrees], only with order 4

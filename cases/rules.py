@@ -14,7 +14,7 @@ from cases.geometry import SLACK, size_of
 from cases.judging import Check
 from cases.schema import CaseDescription, changeable_tables
 from cases.solvers import SOLVERS
-from cases.splits import ROOTED_SPLITS
+from cases.splits import PLANE_STRESS_SPLITS, ROOTED_SPLITS
 from cases.studies import Map, Varied
 from cases.table import nearest, only_known
 
@@ -141,6 +141,10 @@ def _stiffnesses_apply(case: CaseDescription) -> None:
             raise BrokenRuleError(
                 "has engineering constants, which leave plane strain open", remedy, f"materials.{name}.stiffness"
             )
+        if fracture is not None and fracture.split in PLANE_STRESS_SPLITS and case.plane.assumption != "stress":
+            remedy = f'give "{fracture.split.removesuffix("_plane_stress")}", which is the same there'
+            key = f"materials.{name}.fracture.split"
+            raise BrokenRuleError("applies in plane stress only", remedy, key, fracture.split)
         if case.dynamics is None:
             continue
         if stiffness is not None:

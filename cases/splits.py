@@ -23,6 +23,8 @@ def _names_of_laws() -> tuple[str, ...]:
 SPLITS = _names_of_laws()
 #: those that act on C^(1/2) strain whatever the stiffness C, in quasi-static cases
 ROOTED_SPLITS = ("orthogonal",)
+#: those that know a free strain across the plane
+PLANE_STRESS_SPLITS = ("spectral_plane_stress",)
 #: those for which C may have a direction
 ANISOTROPIC_SPLITS = ("none", *ROOTED_SPLITS)
 

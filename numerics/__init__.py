@@ -2,6 +2,8 @@
 
 import os
 
+import physics  # noqa: F401  says where kernels are kept
+
 # Read by the libraries when they are loaded, thus set before any of them. Threads that wait must sleep: two that spin on
 # processors that others use as well take many times the time of one. And MKL sums in an order that does not depend on the
 # number of threads.

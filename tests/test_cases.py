@@ -457,6 +457,11 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
         "larger",
     ),
     "length scale below h": (toy(mesh__h=0.06), "materials.steel.fracture.length_scale", "mesh.h = 0.06"),
+    "split of plane stress in plane strain": (
+        toy(materials__steel__fracture__split="spectral_plane_stress"),
+        "materials.steel.fracture.split",
+        '"spectral"',
+    ),
     "unknown split": (
         toy(materials__steel__fracture__split="modal"),
         "materials.steel.fracture.split",

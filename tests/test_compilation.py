@@ -1,12 +1,18 @@
-"""Compilation is timed apart."""
+"""Compilation is timed apart, and kept for as long as the code is the same."""
 
+import os
+import shutil
 import time
+from pathlib import Path
 
+import numba
 import numpy as np
 from numba import njit
 
 from mpm.explicit.stresses import elastic_stress
 from numerics.compilation import compilation
+from physics import kernel_cache
+from physics.kernel_cache import fingerprint
 
 
 def test_compiling_is_counted_and_work_is_not() -> None:
@@ -39,3 +45,28 @@ def test_the_elastic_stress_takes_no_liberties_whichever_loop_compiles_it_first(
     compiled = elastic_stress.inspect_llvm().items()
     found = [text for types, text in compiled if str(types[0]) == "float32"]
     assert found and not any(" contract " in text for text in found)
+
+
+def test_kernels_are_kept_under_the_text_of_all_code_that_may_be_in_them(tmp_path, monkeypatch) -> None:
+    root = Path(kernel_cache.__file__).parents[1]
+    for package in ("physics", "mpm"):
+        shutil.copytree(root / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    before = fingerprint(tmp_path)
+    assert before == fingerprint(tmp_path) != fingerprint(root)
+    with (tmp_path / "physics/splits/none.py").open("a", encoding="utf-8") as file:
+        file.write("# a law that changed\n")
+    assert fingerprint(tmp_path) != before
+    monkeypatch.setattr(kernel_cache, "user_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    for given, kept in (("", tmp_path / "cache" / fingerprint(root)), ("/my/own", "/my/own")):
+        monkeypatch.setenv(kernel_cache.VARIABLE, given)
+        kernel_cache.keep_kernels()
+        assert os.environ[kernel_cache.VARIABLE] == str(kept)
+
+
+def test_a_folder_that_cannot_be_written_is_no_reason_to_stop(tmp_path, monkeypatch) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.setattr(kernel_cache, "user_cache", lambda: tmp_path / "file")
+    monkeypatch.setenv(kernel_cache.VARIABLE, "")
+    kernel_cache.keep_kernels()
+    assert not os.environ[kernel_cache.VARIABLE]

@@ -12,28 +12,10 @@ engineering shear gxy; ``lam`` and ``mu`` are in-plane Lamé constants [stress],
 (d = 2 in Eq. 2.63).
 """
 
-import re
 from collections.abc import Callable
-from pathlib import Path
-from zlib import crc32
 
 from cases.splits import SPLITS
 
 Response = Callable[..., tuple]
-_FOLDER = Path(__file__).parent
-#: a file that takes its law from another one
-_TAKEN = re.compile(r"^from physics\.splits\.(\w+) import response$", re.MULTILINE)
-
-
-def _code_of(split: str) -> int:
-    """Number of a law in kernels, from the text of its file, which is read and not imported: judging needs no numba.
-
-    So a kernel that numba has kept from before a law came or was changed does not know the code, and runs no other law.
-    """
-    file = (_FOLDER / f"{split}.py").read_bytes()
-    taken = _TAKEN.search(file.decode())
-    return _code_of(taken[1]) if taken else crc32(file)
-
-
-#: code of each split by its name; two splits of one law share it
-SPLIT_CODES = {name: _code_of(name) for name in SPLITS}
+#: code of each split in kernels by its name
+SPLIT_CODES = {name: number for number, name in enumerate(SPLITS)}
