@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from cases.loading import Traction
+from cases.loads import Traction
 from cases.solvers import SOLVERS
 from cases.spacing import grid_lines
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.boundaries import BoundarySet
-from cases.loading import Traction
+from cases.loads import Traction
 from mpm.explicit.cell_splines import spline_values
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.window import GridWindow
