@@ -101,12 +101,17 @@ class NodeConstraints:
         return values
 
     def prescribed_velocity(self) -> NDArray:
-        """Velocities (2 n_nodes,) of the prescribed unknowns of a moving case [length/time], zero elsewhere."""
+        """Constant velocities (2 n_nodes,) of the prescribed unknowns of a moving case [length/time], zero elsewhere."""
         velocity = np.zeros(2 * len(self._nodes))
         for number, constraint in enumerate(self._case.constraints):
             if constraint.velocity is not None:
                 velocity[2 * self._nodes_of(number) + DIRECTIONS[constraint.direction]] = constraint.velocity
         return velocity
+
+    def prescribe_velocity(self, velocity: NDArray, start: float, end: float) -> None:
+        """Set those of unknowns that follow a table, in a velocity (2 n_nodes,) between two times, in place."""
+        for course, unknowns in self._courses:
+            velocity[unknowns] = course.rate(start, end)
 
     def prescribed_rates(self, load: float, towards: float) -> NDArray:
         """Change of the prescribed values with the load (2 n_nodes,) on the way to another one, zero where free."""

@@ -112,6 +112,8 @@ class ExplicitFiniteElements:
         """Go from time `now` to `now + size`; raises BlewUpError."""
         self._bring_up_to_date()
         motion = self.motion
+        motion.velocity, work = self._nodes.with_held(motion.velocity, now, now + size)
+        self._work += work
         for further in range(self.case.staggered.passes):
             if further:
                 self._phase_field.solve(self._next.history_field, self._change, now)

@@ -162,6 +162,8 @@ class ExplicitMaterialPoints:
 
     def _move(self, now: float, size: float) -> None:
         """Trial velocities, contact, and the points' motion from what is mapped to the grid."""
+        for line in self._lines:
+            line.begin_step(now, size)
         with self.costs.timed("grid"):
             acceleration, damping = self._frame.acceleration(now + 0.5 * size), self._frame.damping(now)
             for body in self.bodies:
