@@ -19,6 +19,8 @@ from .status import RunStatus
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
 QUIET_SHARE = 0.25
+#: below it material gives way where it is displaced out of all proportion
+GIVING_PHASE_FIELD = 0.5
 #: growth of the increment after a quiet one
 GROWTH = 1.5
 #: shortening of an increment that was undone
@@ -287,6 +289,8 @@ class _LoadPath:
             outcome, load = dissipation_step(self.discretisation, self.case, start, self.limits.energy)
         except (NewtonError, LinearSolverError) as error:
             outcome, load = StepOutcome("stalled", self.discretisation.history_field, 0, str(error)), start
+        if self._gives_way(load):
+            outcome = replace(outcome, reason=GIVES_WAY)
         self.discretisation.costs.count["dissipation_increments"] += 1
         if not outcome.reason and self._refine():
             return self._advance_by_dissipation(target)
@@ -327,9 +331,12 @@ class _LoadPath:
         try:
             outcome = staggered_step(self.discretisation, case, load, give_up)
         except (NewtonError, LinearSolverError) as error:
-            return StepOutcome("stalled", self.discretisation.history_field, 0), str(error)
+            problem = GIVES_WAY if self._gives_way(load) else str(error)
+            return StepOutcome("stalled", self.discretisation.history_field, 0), problem
         if cautious and self._advance_energy() > self.limits.energy:
             return outcome, TOO_FAR
+        if self._gives_way(load):
+            return outcome, GIVES_WAY
         return outcome, "" if outcome.reason == BROKEN_THROUGH else outcome.reason
 
     def _force(self, load: float) -> float:
@@ -349,7 +356,7 @@ class _LoadPath:
         if self.case.moved_by_load or not self.case.load.stop_when_broken or not self.march.compliance:
             return False
         proportion = self.march.compliance * abs(load) / self.case.load.broken_fraction
-        return bool(abs(self._force(load)) > proportion and self.discretisation.phase_field.min() < BROKEN_PHASE_FIELD)
+        return bool(abs(self._force(load)) > proportion and self.discretisation.phase_field.min() < GIVING_PHASE_FIELD)
 
     def _advance_energy(self) -> float:
         before = self.last.fracture_energy if self.last else 0.0
@@ -384,7 +391,7 @@ class _LoadPath:
         discretisation, before = self.discretisation, self.last
         force, external_work = self._force(load), self._external_work(load)
         elastic, fracture = discretisation.energies()
-        broken = before is not None and (self._broken(force, load) or self._gives_way(load))
+        broken = before is not None and self._broken(force, load)
         if abs(force) > self.march.peak:
             self.march = replace(self.march, peak=abs(force), peak_at=abs(load - self.case.load.path[0]))
         self._note_loads(load, force, discretisation.work_of_loads())
@@ -434,7 +441,9 @@ class _LoadPath:
     def _report_failure(self, problem: str) -> Increment:
         assert self.last is not None
         reason = f"{problem}; the smallest increment {self.case.load.smallest:g} after u = {self.load:g} failed"
-        if self.case.loaded_by_factor and self.case.load.control == "displacement":
+        if self.case.loaded_by_factor and self.march.controlled:
+            reason = f"{problem}, after u = {self.load:g}"
+        elif self.case.loaded_by_factor:
             reason += ', so the load cannot rise further; load.control = "dissipation" follows what comes after'
         status = RunStatus.BROKEN_THROUGH if problem == GIVES_WAY else RunStatus.NO_CONVERGENCE
         self.last = replace(self.last, status=status, reason=reason)
