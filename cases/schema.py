@@ -161,6 +161,11 @@ class CaseDescription(Table):
         moves = any(c.scale or c.motion for c in self.constraints)
         return ("number", "energy") if self.dynamics is None and by_number and not moves else ("displacement", "force")
 
+    def unit(self, kind: str) -> str:
+        """Text of the unit of a kind of quantity; "displacement", "force" and "stiffness" are those of u, F and F over u."""
+        by_factor = dict(zip(("displacement", "force", "stiffness"), (*self.load_kinds, "energy"), strict=True))
+        return self.units.label(by_factor.get(kind, kind) if self.load_kinds[0] == "number" else kind)
+
     @property
     def fracture_enabled(self) -> bool:
         """Some body has a material that can break."""

@@ -22,6 +22,7 @@ KINDS: dict[str, tuple[int, int, int]] = {
     "force": (1, 0, 0),
     "stress": (1, -2, 0),
     "toughness": (1, -1, 0),
+    "stiffness": (1, -1, 0),
     "energy": (1, 1, 0),
     "time": (0, 0, 1),
     "density": (1, -4, 2),

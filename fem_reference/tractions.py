@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,8 +13,16 @@ from fem_reference.element_basis import ElementBasis
 from numerics.surface import Edges, check_loaded_length
 
 
-def traction_forces(case: Case, basis: ElementBasis) -> list[tuple[Traction, NDArray]]:
-    """Each traction of the case with its full forces on the nodes (n_nodes, 2).
+class LoadedEdge(NamedTuple):
+    """A traction with its full forces on the nodes (n_nodes, 2), and the length of edge that it acts on [length]."""
+
+    traction: Traction
+    forces: NDArray
+    length: float
+
+
+def traction_forces(case: Case, basis: ElementBasis) -> list[LoadedEdge]:
+    """What each traction of the case does.
 
     Raises BuiltError where a boundary set holds no edge of the mesh's boundary, or not what is drawn of it.
     """
@@ -22,14 +32,15 @@ def traction_forces(case: Case, basis: ElementBasis) -> list[tuple[Traction, NDA
     loads = []
     for number, traction in enumerate(case.tractions):
         parts = edges.on(case, case.boundaries[traction.on])
-        check_loaded_length(case, number, float(edges.cut(parts).lengths.sum()))
+        length = float(edges.cut(parts).lengths.sum())
+        check_loaded_length(case, number, length)
         force = case.plane.thickness * edges.lengths[:, None] * traction.on_edges(edges.normals)
         # integrals of the two nodes' functions over the part of the edge
         second = 0.5 * (parts[:, 1] ** 2 - parts[:, 0] ** 2)
         first = np.ptp(parts, axis=1) - second
         forces = np.zeros_like(basis.nodes)
         np.add.at(forces, ends, np.stack([first[:, None] * force, second[:, None] * force], axis=1))
-        loads.append((traction, forces))
+        loads.append(LoadedEdge(traction, forces, length))
     return loads
 
 

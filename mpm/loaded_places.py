@@ -21,11 +21,12 @@ NEAR = 2.0
 
 
 class LoadedPlaces(NamedTuple):
-    """Material points (n,), the offsets (n, 2) of loaded places from them [length], and the forces (n, 2) there."""
+    """Material points (n,), the offsets (n, 2) of loaded places from them, the forces (n, 2) there, the length of edge."""
 
     points: NDArray
     offset: NDArray
     force: NDArray
+    length: float
 
 
 def loaded_places(case: Case, number: int, cloud: PointCloud, divided: Callable[[Edges], Edges]) -> LoadedPlaces:
@@ -41,7 +42,8 @@ def loaded_places(case: Case, number: int, cloud: PointCloud, divided: Callable[
     near = distance <= NEAR * cloud.size[points].max(axis=1)
     check_loaded_length(case, number, float(length[near].sum()))
     force = case.plane.thickness * length[:, None] * traction.on_edges(normal)
-    return LoadedPlaces(points[near], (places - cloud.positions[points])[near], force[near])
+    offset = places - cloud.positions[points]
+    return LoadedPlaces(points[near], offset[near], force[near], float(length[near].sum()))
 
 
 def by_cells(grid: Grid, edges: Edges) -> Edges:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -75,6 +75,11 @@ def _faces(notch: SlitNotch, body: shapely.Geometry) -> Iterator[NDArray]:
         ends = np.asarray(part.coords)[[0, -1]]
         if np.ptp(ends, axis=0).any():
             yield from (ends, ends[::-1])
+
+
+def loaded_lengths(lengths: Iterable[float]) -> dict[str, float]:
+    """What a run tells of the edges that its tractions act on, in the order of the case [length]."""
+    return {f"loaded_length_{number}": float(length) for number, length in enumerate(lengths)}
 
 
 def check_loaded_length(case: Case, number: int, loaded: float) -> None:

@@ -60,7 +60,7 @@ class MovingNodes:
         self.held = constraints.prescribed.reshape(-1, 2)
         self.held_velocity = constraints.prescribed_velocity().reshape(-1, 2)
         self._constraints = constraints
-        self._tractions = traction_forces(case, basis)
+        self.loaded_edges = traction_forces(case, basis)
         self.inner_forces, self.applied = np.zeros((n_nodes, 2)), np.zeros((n_nodes, 2))
         self.acceleration = np.zeros((n_nodes, 2))
         self._element_forces = np.empty((len(basis.elements), 2 * basis.elements.shape[1]))
@@ -70,7 +70,7 @@ class MovingNodes:
         basis, local = self._basis, self._element_forces
         element_forces(basis.slope, basis.volume, phase_field, residual_stiffness, strain, local)
         gather_at_nodes(self._starts, self._corners, local, self.inner_forces)
-        pulls = sum(traction.share(now) * forces for traction, forces in self._tractions)
+        pulls = sum(edge.traction.share(now) * edge.forces for edge in self.loaded_edges)
         self.applied = self.mass[:, None] * self._frame.acceleration(now) + pulls
         self._damping = self._frame.damping(now)
         self.acceleration = (self.applied - self.inner_forces) / self.mass[:, None]

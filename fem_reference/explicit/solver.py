@@ -17,6 +17,7 @@ from fem_reference.explicit.strain_and_forces import ElementLaw, Strain, evaluat
 from numerics.costs import Costs
 from numerics.explicit import Balance, BlewUpError
 from numerics.fields import Fields
+from numerics.surface import loaded_lengths
 from numerics.time_steps import courant_step
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
@@ -191,8 +192,8 @@ class ExplicitFiniteElements:
         return {}
 
     def measures(self) -> dict[str, float]:
-        """Nothing that only the finite elements can tell."""
-        return {}
+        """Lengths of the edges that tractions act on."""
+        return loaded_lengths(edge.length for edge in self._nodes.loaded_edges)
 
     def fields(self) -> Fields:
         """Gauss points and nodes as they stand."""

@@ -42,8 +42,10 @@ class MeshEquilibrium(DisplacementEquations):
         local = (np.einsum("qa,eq,eqi->eai", basis.shape, basis.volume, b + np.zeros_like(basis.gauss_points))
                  for b in (acts.constant, following))  # fmt: skip
         forces = Acts(*(gather_vector(self.unknowns, part, size) for part in local))
-        for traction, nodal in traction_forces(case, basis):
-            (forces.following if traction.follows_load else forces.constant)[:] += nodal.reshape(-1)
+        self.loaded_edges = traction_forces(case, basis)
+        for edge in self.loaded_edges:
+            part = forces.following if edge.traction.follows_load else forces.constant
+            part += edge.forces.reshape(-1)
         return forces
 
     def prescribe(self, displacement: NDArray, load: float) -> None:

@@ -26,6 +26,7 @@ from numerics.newton import TORN_STIFFNESS, load_ratio, newton
 from numerics.phase_field_equation import ScalarAtPoints
 from numerics.refinement import carried
 from numerics.staggered import LoadWork, NewtonError
+from numerics.surface import loaded_lengths
 from physics.acting import Acts, eigenstrains, eigenstress, work_density
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
@@ -360,7 +361,8 @@ class FiniteElements:
     def measures(self) -> dict[str, float]:
         """Least quality of the moved elements, and errors against the exact solution where the case has one."""
         quality = float(scaled_jacobian(self.basis.nodes + self.trial.displacement, self.basis.elements).min())
-        return exact_errors(self.case, self.fields(), self.trial.load) | {"element_quality": quality}
+        lengths = loaded_lengths(edge.length for edge in self._equilibrium.loaded_edges)
+        return exact_errors(self.case, self.fields(), self.trial.load) | {"element_quality": quality} | lengths
 
 
 def _check_built(case: Case, basis: ElementBasis, constraints: NodeConstraints) -> None:

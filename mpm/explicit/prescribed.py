@@ -204,8 +204,10 @@ class Tractions:
     def __init__(self, case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> None:
         pieces = partial(into_pieces, PIECE * float(cloud.size.min()))
         self._loads: list[LoadedPoints] = []
+        self.lengths: list[float] = []
         for number, traction in enumerate(case.tractions):
             places = loaded_places(case, number, cloud, pieces)
+            self.lengths.append(places.length)
             points, of_place = np.unique(places.points, return_inverse=True)
             force = np.stack([np.bincount(of_place, part) for part in places.force.T], axis=1)
             for n, body in enumerate(bodies):

@@ -33,6 +33,8 @@ class PointLoads:
         self._exact = solution.body_force if solution else None
         self._acts_nowhere = not case.tractions and self._densities.is_none and self._exact is None
         places = [loaded_places(case, number, cloud, partial(by_cells, grid)) for number in range(len(case.tractions))]
+        #: of edge that each traction acts on [length]
+        self.lengths = [p.length for p in places]
         self._points = np.concatenate([np.zeros(0, int), *(p.points for p in places)])
         self._offset, force = (np.concatenate([np.zeros((0, 2)), *parts]) for parts in (
             [p.offset for p in places], [p.force for p in places]))  # fmt: skip

@@ -26,6 +26,7 @@ from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.newton import TORN_STIFFNESS, newton
 from numerics.staggered import LoadWork
+from numerics.surface import loaded_lengths
 from physics.acting import Acts, eigenstrains, eigenstress, work_density
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
@@ -310,4 +311,4 @@ class MaterialPoints:
         errors = exact_errors(self.case, self.fields(), self.state.load)
         if len(self._springs.places):
             errors["constraint_error"] = self.state.constraint_error
-        return errors | placement_health(self.case, self.basis.cloud)
+        return errors | placement_health(self.case, self.basis.cloud) | loaded_lengths(self._loads.lengths)
