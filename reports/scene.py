@@ -290,8 +290,11 @@ def _draw_symbols(axes: Axes, side: Side, acting: list[Constraint | Traction], s
         depth = _draw_rollers(axes, side, AXES_OF[fixed[0]], size)
     for constraint in constraints:
         depth = max(depth, _draw_motion(axes, side, constraint, size, depth))
-    for traction in acting:
-        if isinstance(traction, Traction) and traction.value is not None and any(traction.value):
+    tractions = [condition for condition in acting if isinstance(condition, Traction)]
+    if any(traction.pressure for traction in tractions):
+        depth = max(depth, 1.3)
+    for traction in tractions:
+        if traction.value is not None and any(traction.value):
             depth = max(depth, _draw_arrows(axes, side, _unit(traction.value), size, depth))
     return depth
 
