@@ -67,8 +67,8 @@ class Case(CaseDescription):
                 tables["boundaries"][name].pop("mesh", None)
         for number, constraint in enumerate(self.constraints):
             if isinstance(constraint.table, Path):
-                content = hashlib.sha256(constraint.table.read_bytes()).hexdigest()
-                tables["constraints"][number]["table"] = content
+                rows = constraint.table.read_bytes()
+                tables["constraints"][number]["table"] = hashlib.sha256(rows).hexdigest()
         if self.dynamics and self.dynamics.ground and self.dynamics.ground.table:
             content = self.dynamics.ground.table.read_bytes()
             tables["dynamics"]["ground"]["table"] = hashlib.sha256(content).hexdigest()

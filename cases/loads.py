@@ -76,7 +76,10 @@ class Traction(Acting):
 
     def on_edges(self, normals: NDArray) -> NDArray:
         """Force per area (n, 2) on edges with outward normals (n, 2) [stress]."""
-        return -self.pressure * normals if self.pressure is not None else np.tile(self.value, (len(normals), 1))
+        if self.pressure is not None:
+            return -self.pressure * normals
+        assert self.value is not None
+        return np.tile(self.value, (len(normals), 1))
 
 
 class BodyForce(Acting):

@@ -162,7 +162,7 @@ class CaseDescription(Table):
         return ("number", "energy") if self.dynamics is None and by_number and not moves else ("displacement", "force")
 
     def unit(self, kind: str) -> str:
-        """Text of the unit of a kind of quantity; "displacement", "force" and "stiffness" are those of u, F and F over u."""
+        """Text of the unit of a kind of quantity; "displacement", "force", "stiffness" are of u, F and F over u."""
         by_factor = dict(zip(("displacement", "force", "stiffness"), (*self.load_kinds, "energy"), strict=True))
         return self.units.label(by_factor.get(kind, kind) if self.load_kinds[0] == "number" else kind)
 

@@ -21,7 +21,7 @@ NEAR = 2.0
 
 
 class LoadedPlaces(NamedTuple):
-    """Material points (n,), the offsets (n, 2) of loaded places from them, the forces (n, 2) there, the length of edge."""
+    """Material points (n,), the offsets (n, 2) of loaded places from them, the forces (n, 2) there, length of edge."""
 
     points: NDArray
     offset: NDArray
@@ -38,7 +38,8 @@ def loaded_places(case: Case, number: int, cloud: PointCloud, divided: Callable[
     edges = divided(drawn.cut(drawn.on(case, case.boundaries[traction.on])))
     places, length, normal = _gauss_points(edges)
     # asked from a little inside, so that the nearest one is of the body, and on the right side of a slit
-    distance, points = KDTree(cloud.positions).query(places - 0.25 * cloud.size.max() * normal)
+    found = KDTree(cloud.positions).query(places - 0.25 * cloud.size.max() * normal)
+    distance, points = (np.asarray(part) for part in found)
     near = distance <= NEAR * cloud.size[points].max(axis=1)
     check_loaded_length(case, number, float(length[near].sum()))
     force = case.plane.thickness * length[:, None] * traction.on_edges(normal)

@@ -88,7 +88,8 @@ def gravity_in_words(case: Case) -> str:
 
 def on_volume(case: Case) -> list[tuple[str, str, Any]]:
     """Return of all that acts on the volume of bodies the body, words, and the direction where it has one."""
-    units, found = case.units, []
+    units = case.units
+    found: list[tuple[str, str, Any]] = []
     if case.dynamics and any(case.dynamics.gravity):
         found.append(("all bodies", gravity_in_words(case), case.dynamics.gravity))
     for force in case.body_forces:

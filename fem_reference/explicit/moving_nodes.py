@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cases import Case
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
-from fem_reference.tractions import traction_forces
 from fem_reference.explicit.strain_and_forces import Strain, element_forces, gather_at_nodes
+from fem_reference.tractions import traction_forces
 from physics.moving_frame import MovingFrame
 
 

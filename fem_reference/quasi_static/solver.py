@@ -320,9 +320,9 @@ class FiniteElements:
     def work_of_loads(self) -> LoadWork:
         """Of tractions, body forces and eigenstrains since the last committed state."""
         moved = (self.trial.displacement - self.committed.displacement).reshape(-1)
-        works = (float(forces @ moved) for forces in self._equilibrium.external)
+        constant, following = (float(forces @ moved) for forces in self._equilibrium.external)
         heat = work_density(self.trial.stress, self._eigenstrain.following) * self.geometry.volume
-        return LoadWork(*works, heat=float(heat.sum()))
+        return LoadWork(constant, following, float(heat.sum()))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""

@@ -269,9 +269,10 @@ class MaterialPoints:
 
     def work_of_loads(self) -> LoadWork:
         """Of tractions, body forces and eigenstrains since the last committed state."""
-        works = (float(forces @ self.trial.increment.reshape(-1)) for forces in self._external)
+        moved = self.trial.increment.reshape(-1)
+        constant, following = (float(forces @ moved) for forces in self._external)
         heat = work_density(self.trial.stress, self._eigenstrain.following) @ self.basis.values.volume
-        return LoadWork(*works, heat=float(heat))
+        return LoadWork(constant, following, float(heat))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""

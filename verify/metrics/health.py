@@ -90,9 +90,8 @@ def _of_history(case: Case, history: pd.DataFrame) -> dict[str, float]:
     rows = history if case.dynamics else history[history["c_min"].to_numpy() >= _WHOLE]
     if len(rows) > 1 and case.exact is None:
         held = (rows["E_el"] + rows["E_frac"] + rows["E_kin"]).to_numpy(float)
-        scale = max(
-            np.ptp(rows["W_ext"].to_numpy(float)), np.max(held - rows["E_frac"].iloc[0]), _ROUND_OFF * _held_back(case, rows)
-        )
+        given = np.ptp(rows["W_ext"].to_numpy(float))
+        scale = max(given, np.max(held - rows["E_frac"].iloc[0]), _ROUND_OFF * _held_back(case, rows))
         if scale > 0.0:
             found["energy_balance"] = float(np.abs(missing_energy(rows)).max() / scale)
     return found
