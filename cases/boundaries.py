@@ -86,6 +86,26 @@ class BoundarySet(Table):
         edges = self.edges or ((self.edge,) if self.edge else ())
         return np.logical_or.reduce([_near_edge(p, edge, tolerance, box) for edge in edges])
 
+    def parts_of_lines(
+        self, lines: NDArray[np.float64], tolerance: float, box: tuple[ArrayLike, ArrayLike]
+    ) -> NDArray[np.float64]:
+        """Part (n, 2) of each straight line (n, 2, 2) that lies on the set, from 0 at its start to 1; (0, 0) for none.
+
+        Lines are cut where a box or a segment ends, and lie on any other set with both of their ends. ``tolerance`` and
+        ``box`` as in `select`.
+        """
+        ends = np.stack([self.select(lines[:, end], tolerance, box) for end in (0, 1)])
+        part = np.outer(ends.all(axis=0), [0.0, 1.0])
+        if self.box:
+            part = _within(lines, np.subtract(self.box.lower, tolerance), np.add(self.box.upper, tolerance))
+        if self.segment:
+            start, along = np.asarray(self.segment[0]), np.subtract(self.segment[1], self.segment[0])
+            length = float(np.hypot(*along))
+            axes = np.array([along, [-along[1], along[0]]]) / length
+            slack = np.array([tolerance, tolerance])
+            part = _within((lines - start) @ axes.T, -slack, np.array([length, 0.0]) + slack)
+        part[np.ptp(part, axis=1) * np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) <= 4.0 * tolerance] = 0.0
+        return part
 
     def in_meshes(self, meshes: Sequence[Path]) -> BoundarySet:
         """The set with the mesh of its group filled in: its own, or the first of those of the bodies that has it."""
@@ -121,3 +141,19 @@ def _near_edge(
 ) -> NDArray[np.bool_]:
     axis, corner = _SIDES[edge]
     return np.abs(points[:, axis] - np.asarray(box[corner], dtype=float)[axis]) <= tolerance
+
+
+def _within(
+    lines: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Part (n, 2) of each line (n, 2, 2) within a box, (0, 0) where it is not in it (Liang and Barsky)."""
+    first, last = np.zeros(len(lines)), np.ones(len(lines))
+    for axis in (0, 1):
+        start, way = lines[:, 0, axis], lines[:, 1, axis] - lines[:, 0, axis]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cuts = np.sort(np.stack([(lower[axis] - start) / way, (upper[axis] - start) / way]), axis=0)
+        across = way == 0.0
+        inside = (start >= lower[axis]) & (start <= upper[axis])
+        first = np.where(across, np.where(inside, first, 1.0), np.maximum(first, cuts[0]))
+        last = np.where(across, np.where(inside, last, 0.0), np.minimum(last, cuts[1]))
+    return np.where((first < last)[:, None], np.column_stack([first, last]), 0.0)

@@ -65,6 +65,10 @@ class Case(CaseDescription):
             _enter_mesh(tables["boundaries"][name], boundary.mesh, boundary.group)
             if boundary.mesh is None:
                 tables["boundaries"][name].pop("mesh", None)
+        for number, constraint in enumerate(self.constraints):
+            if isinstance(constraint.table, Path):
+                rows = constraint.table.read_bytes()
+                tables["constraints"][number]["table"] = hashlib.sha256(rows).hexdigest()
         if self.dynamics and self.dynamics.ground and self.dynamics.ground.table:
             content = self.dynamics.ground.table.read_bytes()
             tables["dynamics"]["ground"]["table"] = hashlib.sha256(content).hexdigest()

@@ -1,23 +1,26 @@
-"""Tables of a case that say how it is loaded: what is held and moved, by load or in time, tractions, contact."""
+"""Tables of a case that say how it is loaded: what is held and moved, by load or in time, contact."""
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from cases.course import Course, CourseTable
 from cases.errors import BrokenRuleError
 from cases.ground import Ground, Settling
 from cases.table import Name, Switch, Table
-from cases.units import Acceleration, Length, Number, Rate, Stress, Time, Velocity, quantity
+from cases.units import Acceleration, Length, Number, Rate, Time, Velocity, quantity
 
 # smallest increment = increment / SMALLEST_SHARE where the file gives none: six halvings.
 SMALLEST_SHARE = 64
 
 
 class Constraint(Table):
-    """What is prescribed on a boundary set: exactly one of scale, value, velocity, motion, tied.
+    """What is prescribed on a boundary set: exactly one of scale, value, velocity, table, motion, tied.
 
     Attributes
     ----------
@@ -26,6 +29,10 @@ class Constraint(Table):
     scale : displacement = scale * load parameter u
     value : constant displacement [length] or phase field
     velocity : constant velocity, in dynamics only [length/time]
+    table : over the load parameter, in dynamics over time, linear between its rows: [[time, value], ...], or a CSV file
+        beside the case; both in the units of the case
+    columns : names of the file's columns, time and the name of what it is a table of if left out
+    of : what the table holds, displacement [length], or in dynamics also velocity [length/time]
     motion : name of an exact field that prescribes both displacements
     tied : all points of the set share one free displacement in this direction
     """
@@ -35,6 +42,9 @@ class Constraint(Table):
     scale: Number | None = None
     value: Annotated[float, Field(json_schema_extra={"type": ["number", "string"]})] | None = None
     velocity: Velocity | None = None
+    table: CourseTable | None = None
+    columns: tuple[str, str] | None = None
+    of: Literal["displacement", "velocity"] = "displacement"
     motion: Name | None = None
     tied: Switch = False
 
@@ -45,19 +55,36 @@ class Constraint(Table):
 
     @model_validator(mode="after")
     def _prescribes_one_thing(self) -> Constraint:
-        given = [key for key in ("scale", "value", "velocity", "motion") if getattr(self, key) is not None]
+        keys = ("scale", "value", "velocity", "table", "motion")
+        given = [key for key in keys if getattr(self, key) is not None]
         given += ["tied"] if self.tied else []
         if len(given) != 1:
             text = f"prescribes {' and '.join(given) or 'nothing'}"
-            raise BrokenRuleError(text, "give exactly one of scale, value, velocity, motion, tied")
+            raise BrokenRuleError(text, "give exactly one of scale, value, velocity, table, motion, tied")
         self._direction_fits(given[0])
+        if self.table is not None:
+            assert self.course is not None
+        for key in {"columns", "of"} & self.model_fields_set if self.table is None else ():
+            raise BrokenRuleError("is that of a table only", "remove it, or give a table", key, getattr(self, key))
+        if self.columns is not None and not isinstance(self.table, Path):
+            raise BrokenRuleError("is that of a file only", "remove it", "columns", list(self.columns))
         return self
+
+    @cached_property
+    def course(self) -> Course | None:
+        """The table, read; None without."""
+        return None if self.table is None else Course.of(self.table, self.columns or ("time", self.of), self.of)
+
+    @property
+    def follows_load(self) -> bool:
+        """What it prescribes changes with the load parameter of a quasi-static case."""
+        return bool(self.scale or self.motion or self.table is not None)
 
     def asks_the_same(self, other: Constraint) -> bool:
         """Whether a place that both hold in one direction can do what each asks."""
         if self.tied or other.tied:
             return False
-        asked = [(c.scale or 0.0, c.value or 0.0, c.velocity or 0.0, c.motion) for c in (self, other)]
+        asked = [(c.scale or 0.0, c.value or 0.0, c.velocity or 0.0, c.motion, c.table) for c in (self, other)]
         return asked[0] == asked[1]
 
     def _direction_fits(self, prescribed: str) -> None:
@@ -84,7 +111,8 @@ class Load(Table):
 
     Attributes
     ----------
-    path : values that u runs through, starting at the first [length]
+    path : values that u runs through, starting at the first [length; a plain number where no constraint has a scale or
+        motion: the factor on loads with ramp = "load", the place in tables]
     increment : first and largest increment of u [length]; may be left out for a path of one point
     smallest : smallest increment [length]; increment/64 if left out
     prologue : share of the way to the path's first target that the first increment takes at once, staggered to
@@ -187,25 +215,6 @@ class Dynamics(Table):
         if self.affine and self.order_of_update == "musl":
             raise BrokenRuleError("is unstable at any step with the affine map", 'give "usl"', "order_of_update", "musl")
         return self
-
-
-class Traction(Table):
-    """Force per area on the edge of the bodies along a boundary set.
-
-    Attributes
-    ----------
-    on : name of a boundary set
-    value : in x and y [stress]
-    ramp : time over which it grows from zero [time]; at once if 0
-    """
-
-    on: Name
-    value: tuple[Stress, Stress]
-    ramp: Annotated[Time, Field(ge=0)] = 0.0
-
-    def share(self, time: float) -> float:
-        """The part of the value that acts at a time."""
-        return min(1.0, max(0.0, time / self.ramp)) if self.ramp else 1.0
 
 
 class ContactPair(Table):

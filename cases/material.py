@@ -169,7 +169,7 @@ class Material(Table):
     Either exactly one pair of isotropic constants is given (young + poisson, lame_lambda + shear_modulus, bulk_modulus +
     shear_modulus or young + shear_modulus), or the stiffness of an anisotropic material. The resolved constants `lam`,
     `mu`, `young_modulus`, `poisson_ratio` of an isotropic one are those of three dimensions; plane stress is a matter of
-    the law, not of the material.
+    the law, not of the material. `expansion` is the strain that a change of temperature by one kelvin gives [1/kelvin].
     """
 
     young: Modulus | None = None
@@ -179,6 +179,7 @@ class Material(Table):
     bulk_modulus: Modulus | None = None
     stiffness: Stiffness | None = None
     density: Annotated[Density, Field(gt=0)] | None = None
+    expansion: Number | None = None
     fracture: Fracture | None = None
 
     @model_validator(mode="after")

@@ -12,6 +12,7 @@ import shapely
 from cases.errors import BrokenRuleError
 from cases.geometry import SLACK, size_of
 from cases.judging import Check
+from cases.load_rules import loads_fit_dynamics, loads_fit_statics
 from cases.schema import CaseDescription, changeable_tables
 from cases.solvers import SOLVERS
 from cases.splits import PLANE_STRESS_SPLITS, ROOTED_SPLITS
@@ -68,6 +69,10 @@ def _names_are_defined(case: CaseDescription) -> None:
         prescribed.add((constraint.on, constraint.direction))
     for number, traction in enumerate(case.tractions):
         _defined(traction.on, list(case.boundaries), f"tractions[{number}].on", "boundary")
+    for key in ("body_forces", "eigenstrains"):
+        for number, item in enumerate(getattr(case, key)):
+            if item.on is not None:
+                _defined(item.on, list(case.bodies), f"{key}[{number}].on", "body")
     for number, pair in enumerate(case.contact.pairs):
         for name in pair.bodies:
             _defined(name, list(case.bodies), f"contact.pairs[{number}].bodies", "body")
@@ -83,14 +88,17 @@ def _is_static_or_dynamic(case: CaseDescription) -> None:
 
 
 def _fits_statics(case: CaseDescription) -> None:
-    moving = ["tractions"] if case.tractions else []
-    moving += [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
+    moving = [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
     moving += ["output.times"] if case.output.times or case.output.frames else []
     if moving:
         raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
-    driven = any(c.scale or c.motion for c in case.constraints) or case.exact is not None
+    loads_fit_statics(case)
+    driven = case.moved_by_load or case.loaded_by_factor or case.exact is not None
     if len(case.load.path) > 1 and not driven:
-        remedy = 'add a constraint with scale = 1, or a motion, on the boundary that the load moves'
+        remedy = (
+            'add a constraint with scale = 1, or a motion, on the boundary that the load moves, or give what acts'
+            ' ramp = "load"'
+        )
         raise BrokenRuleError("moves nothing: no constraint follows the load parameter", remedy, "load.path")
 
 
@@ -101,12 +109,13 @@ def _fits_dynamics(case: CaseDescription) -> None:
     if all(body.rigid for body in case.bodies.values()):
         key = f"bodies.{next(iter(case.bodies))}.rigid"
         raise BrokenRuleError("leaves nothing that moves freely", "give rigid = false", key, True)
+    loads_fit_dynamics(case)
     for number, constraint in enumerate(case.constraints):
-        if constraint.velocity is None and constraint.value is None:
+        if constraint.velocity is None and constraint.value is None and constraint.table is None:
             text = "does not apply in dynamics"
-            raise BrokenRuleError(text, "give value = 0 or a velocity", f"constraints[{number}]")
+            raise BrokenRuleError(text, "give value = 0, a velocity or a table", f"constraints[{number}]")
         if constraint.value and constraint.direction != "phase":
-            remedy = "give value = 0 or a velocity"
+            remedy = "give value = 0, a velocity or a table"
             raise BrokenRuleError("is a jump in time", remedy, f"constraints[{number}].value", constraint.value)
     if case.dynamics and case.dynamics.settling and any(c.velocity for c in case.constraints):
         number = next(number for number, c in enumerate(case.constraints) if c.velocity)

@@ -16,7 +16,8 @@ from cases.errors import BrokenRuleError
 from cases.files import read_curve
 from cases.geometry import SLACK, Array, Bounds, size_of
 from cases.judging import Check, Reference, Run, RunSpec, TierName
-from cases.loading import AT_REST, Constraint, Contact, Dynamics, Load, Traction
+from cases.loading import AT_REST, Constraint, Contact, Dynamics, Load
+from cases.loads import BodyForce, Eigenstrain, Traction
 from cases.material import Material
 from cases.mesh_files import mesh_slits
 from cases.notches import CellsNotch, Notch
@@ -58,6 +59,8 @@ class CaseDescription(Table):
     load: Load = AT_REST
     dynamics: Dynamics | None = None
     tractions: tuple[Traction, ...] = ()
+    body_forces: tuple[BodyForce, ...] = ()
+    eigenstrains: tuple[Eigenstrain, ...] = ()
     contact: Contact = Contact()
     rocking: Rocking | None = None
     mesh: Mesh
@@ -136,6 +139,32 @@ class CaseDescription(Table):
                 groups[body.mesh] = (*groups.get(body.mesh, ()), body.group)
         in_meshes = [slit for mesh, of_mesh in groups.items() for slit in mesh_slits(mesh, of_mesh)]
         return (*self.notches, *(slit for slit in in_meshes if not any(slit.lies_on(n) for n in self.notches)))
+
+    @property
+    def moved_by_load(self) -> bool:
+        """Some constraint follows the load parameter of a quasi-static case: F is the force of what it moves."""
+        return self.dynamics is None and any(c.follows_load for c in self.constraints)
+
+    @property
+    def loaded_by_factor(self) -> bool:
+        """Some of what acts on the bodies follows the load parameter of a quasi-static case."""
+        acting = (*self.tractions, *self.body_forces, *self.eigenstrains)
+        return self.dynamics is None and any(item.follows_load for item in acting)
+
+    @property
+    def load_kinds(self) -> tuple[str, str]:
+        """Kinds of quantity of the load parameter u and of F, which does work on it.
+
+        Where only loads or tables follow it, u is a number and F an energy: work per load factor.
+        """
+        by_number = self.loaded_by_factor or any(c.table is not None for c in self.constraints)
+        moves = any(c.scale or c.motion for c in self.constraints)
+        return ("number", "energy") if self.dynamics is None and by_number and not moves else ("displacement", "force")
+
+    def unit(self, kind: str) -> str:
+        """Text of the unit of a kind of quantity; "displacement", "force", "stiffness" are of u, F and F over u."""
+        by_factor = dict(zip(("displacement", "force", "stiffness"), (*self.load_kinds, "energy"), strict=True))
+        return self.units.label(by_factor.get(kind, kind) if self.load_kinds[0] == "number" else kind)
 
     @property
     def fracture_enabled(self) -> bool:

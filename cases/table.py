@@ -60,7 +60,7 @@ def only_known(tables: dict[str, Any], known: tuple[str, ...], prefix: str, text
 
 def require_one(table: Table, what: str, keys: tuple[str, ...]) -> None:
     """Raise BrokenRuleError unless exactly one of the optional keys of the table is given."""
-    given = [key for key in keys if getattr(table, key) not in (None, False)]
+    given = [key for key in keys if getattr(table, key) is not None and getattr(table, key) is not False]
     if len(given) != 1:
         has = " and ".join(given) or "none"
         raise BrokenRuleError(f"must have exactly one {what} but has {has}", f"give one of {', '.join(keys)}")

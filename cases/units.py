@@ -22,9 +22,11 @@ KINDS: dict[str, tuple[int, int, int]] = {
     "force": (1, 0, 0),
     "stress": (1, -2, 0),
     "toughness": (1, -1, 0),
+    "stiffness": (1, -1, 0),
     "energy": (1, 1, 0),
     "time": (0, 0, 1),
     "density": (1, -4, 2),
+    "force_density": (1, -3, 0),
     "velocity": (0, 1, -1),
     "acceleration": (0, 1, -2),
     "rate": (0, 0, -1),
@@ -40,6 +42,7 @@ SIZES: dict[str, tuple[float, float]] = {
     "toughness": (1e18, 1e-24),
     "time": (1e18, 1e-30),
     "density": (1e18, 1e-18),
+    "force_density": (1e18, 1e-18),
     "velocity": (3e8, 1e-30),
     "acceleration": (1e15, 1e-30),
     "rate": (1e18, 1e-30),
@@ -47,7 +50,7 @@ SIZES: dict[str, tuple[float, float]] = {
 
 _EXAMPLES = {"length": "0.5 mm", "stress": "210 GPa", "toughness": "2.7 N/mm", "density": "7850 kg/m^3",
              "time": "1 s", "force": "1 kN", "number": "0.3", "velocity": "1 m/s",
-             "acceleration": "9.81 m/s^2", "rate": "1/s"}  # fmt: skip
+             "acceleration": "9.81 m/s^2", "rate": "1/s", "force_density": "25 kN/m^3"}  # fmt: skip
 # A number and a product of units; exponents are single digits, so that no string can ask for a huge power.
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _UNIT = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)-?[1-9]|[²³⁴])?"
@@ -183,6 +186,7 @@ Length = Annotated[float, _reader("length")]
 Stress = Annotated[float, _reader("stress")]
 Toughness = Annotated[float, _reader("toughness")]
 Density = Annotated[float, _reader("density")]
+ForceDensity = Annotated[float, _reader("force_density")]
 Time = Annotated[float, _reader("time")]
 Velocity = Annotated[float, _reader("velocity")]
 Acceleration = Annotated[float, _reader("acceleration")]

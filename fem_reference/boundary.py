@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.course import Course
 from cases.errors import MeshError
 from numerics.built import Holds
 from physics.exact import MOTIONS
@@ -31,6 +32,7 @@ class NodeConstraints:
         n_nodes = len(nodes)
         self._scale, self._value = np.zeros(2 * n_nodes), np.zeros(2 * n_nodes)
         self._motions: list[tuple[str, NDArray]] = []
+        self._courses: list[tuple[Course, NDArray]] = []
         self.phase_value = np.ones(n_nodes)
         prescribed, phase_prescribed = np.zeros(2 * n_nodes, bool), np.zeros(n_nodes, bool)
         master, tied = np.arange(2 * n_nodes), np.zeros(2 * n_nodes, bool)
@@ -49,6 +51,8 @@ class NodeConstraints:
                     master[unknowns], tied[unknowns] = unknowns[0], True
                 else:
                     prescribed[unknowns] = True
+                    if constraint.course is not None:
+                        self._courses.append((constraint.course, unknowns))
                     self._scale[unknowns], self._value[unknowns] = constraint.scale or 0.0, constraint.value or 0.0
         self.prescribed, self.phase_prescribed = prescribed, phase_prescribed
         self.equations = _number(prescribed, master)
@@ -92,23 +96,32 @@ class NodeConstraints:
         for name, nodes in self._motions:
             displacement = MOTIONS[name](self._case, self._nodes[nodes], load)
             values[2 * nodes], values[2 * nodes + 1] = displacement.T
+        for course, unknowns in self._courses:
+            values[unknowns] = course.displacement(load)
         return values
 
     def prescribed_velocity(self) -> NDArray:
-        """Velocities (2 n_nodes,) of the prescribed unknowns of a moving case [length/time], zero elsewhere."""
+        """Constant velocities (2 n_nodes,) of the prescribed unknowns of a moving case [length/time], zero elsewhere."""
         velocity = np.zeros(2 * len(self._nodes))
         for number, constraint in enumerate(self._case.constraints):
             if constraint.velocity is not None:
                 velocity[2 * self._nodes_of(number) + DIRECTIONS[constraint.direction]] = constraint.velocity
         return velocity
 
-    def prescribed_rates(self, load: float) -> NDArray:
-        """Change of the prescribed values with the load (2 n_nodes,), zero where free."""
+    def prescribe_velocity(self, velocity: NDArray, start: float, end: float) -> None:
+        """Set those of unknowns that follow a table, in a velocity (2 n_nodes,) between two times, in place."""
+        for course, unknowns in self._courses:
+            velocity[unknowns] = course.rate(start, end)
+
+    def prescribed_rates(self, load: float, towards: float) -> NDArray:
+        """Change of the prescribed values with the load (2 n_nodes,) on the way to another one, zero where free."""
         rates = self._scale.copy()
         step = 1e-6 * self._case.mesh.h
         for name, nodes in self._motions:
             ahead, behind = (MOTIONS[name](self._case, self._nodes[nodes], load + s) for s in (step, -step))
             rates[2 * nodes], rates[2 * nodes + 1] = (ahead - behind).T / (2.0 * step)
+        for course, unknowns in self._courses if towards != load else ():
+            rates[unknowns] = course.rate(load, towards)
         return np.where(self.prescribed, rates, 0.0)
 
 

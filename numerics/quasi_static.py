@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,11 +14,13 @@ from cases import Case
 from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
 from .refinement import FollowingDiscretisation
-from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, staggered_step
+from .staggered import LoadWork, NewtonError, QuasiStaticDiscretisation, StepOutcome, staggered_step
 from .status import RunStatus
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
 QUIET_SHARE = 0.25
+#: below it material gives way where it is displaced out of all proportion
+GIVING_PHASE_FIELD = 0.5
 #: growth of the increment after a quiet one
 GROWTH = 1.5
 #: shortening of an increment that was undone
@@ -29,6 +32,8 @@ LARGEST_FALL = 0.05
 TOO_FAR = "crack advances too far"
 #: why the iterations of an increment end that is accepted nevertheless
 BROKEN_THROUGH = "broken through"
+#: why an increment of forces alone is undone: the body gives way under them and finds no rest
+GIVES_WAY = "the body breaks through and no state is in equilibrium with the load"
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
 
@@ -44,6 +49,10 @@ class MarchState:
     peak : largest force so far
     peak_at : distance of the load parameter from its start there
     controlled : the fracture energy leads, not the load
+    reaction : force conjugate to the load parameter on the way that comes next
+    displaced : work of the forces that follow the load, at load factor one, on the displacement so far
+    heat : of the stress on the eigenstrain that follows the load, at load factor one
+    compliance : smallest size of F over the load so far, of forces alone; 0 while there is none
     """
 
     leg: int = 0
@@ -51,13 +60,19 @@ class MarchState:
     peak: float = 0.0
     peak_at: float = 0.0
     controlled: bool = False
+    reaction: float = 0.0
+    displaced: float = 0.0
+    heat: float = 0.0
+    compliance: float = 0.0
 
 
 @dataclass(frozen=True)
 class Increment:
     """One accepted increment: the discretisation holds its state while the increment is being listened to.
 
-    ``u`` is the load parameter, ``F`` the force conjugate to it; ``share`` is the part of the load path done.
+    ``u`` is the load parameter, ``F`` the force conjugate to it: of the constraints that follow it, or else the work per
+    load factor of what acts on the bodies, linear in u like the force of an elastic body. ``share`` is the part of the
+    load path done, ``reason`` says why there is no new state.
     """
 
     step: int
@@ -83,7 +98,7 @@ class Increment:
     @property
     def is_good(self) -> bool:
         """It does not repeat the last good state."""
-        return self.status != RunStatus.NO_CONVERGENCE
+        return not self.reason
 
     def row(self) -> dict[str, float]:
         """Columns of the history; the share of the load path stands for the time, and nothing moves."""
@@ -161,6 +176,7 @@ class _LoadPath:
         self.done = after.share * self.limits.length if after else 0.0
         self.started = time.perf_counter() - (after.seconds if after else 0.0)
         self.newton_before = discretisation.costs.count["newton"]
+        self.targets = _targets(case)
 
     @property
     def load(self) -> float:
@@ -176,9 +192,8 @@ class _LoadPath:
         """The first state, then each accepted increment."""
         if self.last is None:
             yield self._first_state()
-        targets = self.case.load.path[1:]
-        while self.march.leg < len(targets):
-            target = targets[self.march.leg]
+        while self.march.leg < len(self.targets):
+            target = self.targets[self.march.leg]
             if self.load == target:
                 self.march = replace(self.march, leg=self.march.leg + 1)
                 continue
@@ -258,7 +273,7 @@ class _LoadPath:
                 continue
             if not problem:
                 return self._grow_and_accept(load, outcome)
-            if self.dissipative and problem == TOO_FAR:
+            if self.dissipative and problem in (TOO_FAR, GIVES_WAY):
                 self.discretisation.undo()
                 return self._advance_by_dissipation(target)
             if smallest or not self.case.load.adaptive:
@@ -274,6 +289,8 @@ class _LoadPath:
             outcome, load = dissipation_step(self.discretisation, self.case, start, self.limits.energy)
         except (NewtonError, LinearSolverError) as error:
             outcome, load = StepOutcome("stalled", self.discretisation.history_field, 0, str(error)), start
+        if self._gives_way(load):
+            outcome = replace(outcome, reason=GIVES_WAY)
         self.discretisation.costs.count["dissipation_increments"] += 1
         if not outcome.reason and self._refine():
             return self._advance_by_dissipation(target)
@@ -305,17 +322,41 @@ class _LoadPath:
             too_far = cautious and self._advance_energy() > self.limits.energy
             if too_far and self.dissipative:
                 return TOO_FAR
-            if self._broken(self.discretisation.reaction_force(), load):
+            if self._gives_way(load):
+                return GIVES_WAY
+            if self._broken(self._force(load), load):
                 return BROKEN_THROUGH
             return TOO_FAR if too_far else ""
 
         try:
             outcome = staggered_step(self.discretisation, case, load, give_up)
         except (NewtonError, LinearSolverError) as error:
-            return StepOutcome("stalled", self.discretisation.history_field, 0), str(error)
+            problem = GIVES_WAY if self._gives_way(load) else str(error)
+            return StepOutcome("stalled", self.discretisation.history_field, 0), problem
         if cautious and self._advance_energy() > self.limits.energy:
             return outcome, TOO_FAR
+        if self._gives_way(load):
+            return outcome, GIVES_WAY
         return outcome, "" if outcome.reason == BROKEN_THROUGH else outcome.reason
+
+    def _force(self, load: float) -> float:
+        """F of the trial state at a load."""
+        if self.case.loaded_by_factor and not self.case.moved_by_load:
+            work = self.discretisation.work_of_loads()
+            return self.march.displaced + work.following - work.heat
+        return self.discretisation.reaction_force(self._beyond(load) if load == self.load else self.load)
+
+    def _beyond(self, load: float) -> float:
+        """The load that is on the way to come from one that is reached; itself at the end."""
+        coming = (target for target in self.targets[self.march.leg :] if target != load)
+        return next(coming, load)
+
+    def _gives_way(self, load: float) -> bool:
+        """Whether forces that nothing holds displace a broken body out of all proportion."""
+        if self.case.moved_by_load or not self.case.load.stop_when_broken or not self.march.compliance:
+            return False
+        proportion = self.march.compliance * abs(load) / self.case.load.broken_fraction
+        return bool(abs(self._force(load)) > proportion and self.discretisation.phase_field.min() < GIVING_PHASE_FIELD)
 
     def _advance_energy(self) -> float:
         before = self.last.fracture_energy if self.last else 0.0
@@ -348,11 +389,12 @@ class _LoadPath:
 
     def _accept(self, load: float, outcome: StepOutcome) -> Increment:
         discretisation, before = self.discretisation, self.last
-        force = discretisation.reaction_force()
+        force, external_work = self._force(load), self._external_work(load)
         elastic, fracture = discretisation.energies()
         broken = before is not None and self._broken(force, load)
         if abs(force) > self.march.peak:
             self.march = replace(self.march, peak=abs(force), peak_at=abs(load - self.case.load.path[0]))
+        self._note_loads(load, force, discretisation.work_of_loads())
         newton = discretisation.costs.count["newton"]
         discretisation.commit(outcome.history_field)
         self.last = Increment(
@@ -361,7 +403,7 @@ class _LoadPath:
             F=force,
             elastic_energy=elastic,
             fracture_energy=fracture,
-            external_work=before.external_work + 0.5 * (force + before.F) * (load - before.u) if before else 0.0,
+            external_work=external_work,
             c_min=float(discretisation.phase_field.min()),
             staggered=outcome.iterations,
             newton=newton - self.newton_before,
@@ -375,8 +417,45 @@ class _LoadPath:
         discretisation.costs.count["staggered_iterations"] += outcome.iterations
         return self.last
 
+    def _external_work(self, load: float) -> float:
+        """Of constraints and of what acts on the bodies since the first state, by the trapezoidal rule."""
+        if self.last is None:
+            return 0.0
+        work, before, march = self.discretisation.work_of_loads(), self.last, self.march
+        reaction = self.discretisation.reaction_force(before.u) if load != before.u else march.reaction
+        of_load = 0.5 * (reaction + march.reaction - work.heat - march.heat) * (load - before.u)
+        return before.external_work + of_load + work.constant + 0.5 * (load + before.u) * work.following
+
+    def _note_loads(self, load: float, force: float, work: LoadWork) -> None:
+        """Keep what the next increment's work begins with."""
+        alone = self.case.loaded_by_factor and not self.case.moved_by_load
+        compliance = abs(force / load) if alone and load else 0.0
+        self.march = replace(
+            self.march,
+            reaction=self.discretisation.reaction_force(self._beyond(load)),
+            displaced=self.march.displaced + work.following,
+            heat=work.heat,
+            compliance=min(self.march.compliance or np.inf, compliance) if compliance else self.march.compliance,
+        )
+
     def _report_failure(self, problem: str) -> Increment:
         assert self.last is not None
         reason = f"{problem}; the smallest increment {self.case.load.smallest:g} after u = {self.load:g} failed"
-        self.last = replace(self.last, status=RunStatus.NO_CONVERGENCE, reason=reason)
+        if self.case.loaded_by_factor and self.march.controlled:
+            reason = f"{problem}, after u = {self.load:g}"
+        elif self.case.loaded_by_factor:
+            reason += ', so the load cannot rise further; load.control = "dissipation" follows what comes after'
+        status = RunStatus.BROKEN_THROUGH if problem == GIVES_WAY else RunStatus.NO_CONVERGENCE
+        self.last = replace(self.last, status=status, reason=reason)
         return self.last
+
+
+def _targets(case: Case) -> list[float]:
+    """Loads that the path runs to in turn: its own, and between them those at which a table has a row."""
+    rows = np.concatenate([[], *(c.course.times for c in case.constraints if c.course is not None)])
+    targets: list[float] = []
+    for start, end in pairwise(case.load.path):
+        slack = 1e-9 * abs(end - start)
+        between = np.unique(rows[(rows > min(start, end) + slack) & (rows < max(start, end) - slack)])
+        targets += [*map(float, between if end > start else between[::-1]), end]
+    return targets

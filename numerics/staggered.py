@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,18 @@ from physics.phase_field import update_history
 from .acceleration import Acceleration
 from .costs import Costs
 from .fields import Fields
+
+
+class LoadWork(NamedTuple):
+    """What acts on the bodies, as the displacement of a step and its end let it work [energy].
+
+    constant, following : of the forces that act in full, and of those at load factor one, on the step's displacement.
+    heat : of the present stress on the eigenstrain at load factor one.
+    """
+
+    constant: float
+    following: float
+    heat: float
 
 
 class QuasiStaticDiscretisation(Protocol):
@@ -52,8 +64,11 @@ class QuasiStaticDiscretisation(Protocol):
     def undo(self) -> None:
         """Back to the last committed state."""
 
-    def reaction_force(self) -> float:
-        """Force conjugate to the load parameter, trial state."""
+    def reaction_force(self, towards: float | None = None) -> float:
+        """Force of the constraints that is conjugate to the load parameter on its way to another load, trial state."""
+
+    def work_of_loads(self) -> LoadWork:
+        """Of what acts on the bodies, since the last committed state."""
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy of the trial state."""

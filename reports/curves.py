@@ -53,8 +53,9 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
     force, displacement = results.unit("force"), results.unit("displacement")
     many = len(runs) > MANY_RUNS
     figure, axes = style.curve_axes(
-        7.2, 4.2 + 0.09 * len(runs) * many, f"displacement u [{displacement}]", f"reaction force F [{force}]"
-    )
+        7.2, 4.2 + 0.09 * len(runs) * many, results.load_label,
+        f"{'work per load factor' if results.by_factor else 'reaction force'} F [{force}]",
+    )  # fmt: skip
     published = list(published_curves(results))
     _draw_published(axes, published)
     colours = style.colours_of([run.name for run in runs])
@@ -69,7 +70,8 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
     tables += [points.assign(run=f"published: {name}") for name, points in published]
     return style.drawing(
         figure, folder, "load-displacement", "Load and displacement",
-        f"Reaction force over displacement of {listed(run.label for run in runs)}; "
+        f"{'Work of the loads over their factor' if results.by_factor else 'Reaction force over displacement'}"
+        f" of {listed(run.label for run in runs)}; "
         "a ring marks the peak of each run. " + _published_caption(results, published),
         pd.concat(tables)[["run", "u", "F"]],
     )
@@ -115,8 +117,7 @@ def relative_errors(results: CaseResults, folder: Path) -> list[style.Drawing]:
 def _relative_error(
     results: CaseResults, reference: str, curves: list[dict[str, Any]], folder: Path
 ) -> style.Drawing:
-    unit = results.unit("displacement")
-    figure, axes = style.curve_axes(7.2, 3.2, f"displacement u [{unit}]", "relative error, Eq. 4.19 [%]")
+    figure, axes = style.curve_axes(7.2, 3.2, results.load_label, "relative error, Eq. 4.19 [%]")
     colours = style.colours_of([run.name for run in results.shown_runs()])
     tables = [pd.read_csv(results.out / curve["file"]).assign(run=curve["run"]) for curve in curves]
     carried = tables[0].iloc[int(np.nanargmax(tables[0]["F_reference"].abs()))]
@@ -190,7 +191,7 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
         axes.set_visible(False)
     for axes, run in zip(grid.flat, shown, strict=False):
         _draw_energies(axes, run)
-        axes.set(title=run.label, xlabel=f"displacement u [{results.unit('displacement')}]")
+        axes.set(title=run.label, xlabel=results.load_label)
     for axes in grid[:, 0]:
         axes.set_ylabel(f"energy [{results.unit('energy')}]")
     style.legend_below(figure, [grid.flat[0]], columns=5)

@@ -235,7 +235,7 @@ def element_quality(results: CaseResults, folder: Path) -> style.Drawing | None:
         rows.append((float(u), quality.min(), np.percentile(quality, 1), np.median(quality)))
     table = pd.DataFrame(rows, columns=["u", "least", "one_percent", "median"])
     figure, axes = style.curve_axes(
-        7.2, 3.2, f"displacement u [{results.unit('displacement')}]", "scaled Jacobian [–]"
+        7.2, 3.2, results.load_label, "scaled Jacobian [–]"
     )
     for column, label in (("median", "median"), ("one_percent", "worst 1 %"), ("least", "worst element")):
         axes.plot(table["u"], table[column], marker="o", label=label)

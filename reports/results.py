@@ -207,7 +207,17 @@ class CaseResults:
 
     def unit(self, quantity: str) -> str:
         """Return the case's unit of a quantity for an axis label."""
-        return str(self.case.units.label(quantity)) if self.case else "case unit"
+        return self.case.unit(quantity) if self.case else "case unit"
+
+    @property
+    def by_factor(self) -> bool:
+        """The load parameter is a number, a factor on what acts, and F the work per factor."""
+        return self.case is not None and self.case.load_kinds[0] == "number"
+
+    @property
+    def load_label(self) -> str:
+        """Return the axis label of the load parameter."""
+        return f"{'load factor' if self.by_factor else 'displacement'} u [{self.unit('displacement')}]"
 
     def shown_runs(self) -> list[RunResults]:
         """Return the runs that left results, in the order of the solvers."""

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from cases.loading import Traction
+from cases.loads import Acting, Traction
 from cases.solvers import SOLVERS
 from cases.spacing import grid_lines
 
@@ -53,15 +53,19 @@ def conditions(case: Case) -> dict[str, list[Constraint | Traction]]:
 def condition_in_words(condition: Constraint | Traction, case: Case, mathematics: bool = False) -> str:
     """Return a condition as text: ``u_y = u``, ``v_x = 2 mm/ms``, ``u_x tied``, ``c = 0``, ``traction (0, 1) kN/mm²``."""
     if isinstance(condition, Traction):
-        ramp = f" over {number(condition.ramp)} {case.units.label('time')}" if condition.ramp else ""
-        return f"traction {_pair(condition.value)} {case.units.label('stress')}{ramp}"
+        unit = case.units.label("stress")
+        if condition.pressure is not None:
+            return f"pressure {number(condition.pressure)} {unit}{_ramp_in_words(condition, case, mathematics)}"
+        return f"traction {_pair(condition.value)} {unit}{_ramp_in_words(condition, case, mathematics)}"
     if condition.motion is not None:
         return f"u from the exact field {condition.motion}".replace("_", " ")
-    letter = "u" if condition.velocity is None else "v"
+    letter = "u" if condition.velocity is None and condition.of == "displacement" else "v"
     name = "c" if condition.direction == "phase" else f"{letter}_{condition.direction}"
     name = f"${name}$" if mathematics else name
     if condition.tied:
         return f"{name} tied"
+    if condition.course is not None:
+        return f"{name} from a table over {'time' if case.dynamics else '$u$' if mathematics else 'u'}"
     if condition.velocity is not None:
         return f"{name} = {number(condition.velocity)} {case.units.label('velocity')}"
     if condition.scale is not None:
@@ -70,10 +74,33 @@ def condition_in_words(condition: Constraint | Traction, case: Case, mathematics
     return f"{name} = {number(condition.value)}"
 
 
+def _ramp_in_words(acting: Acting, case: Case, mathematics: bool = False) -> str:
+    if acting.follows_load:
+        return " × $u$" if mathematics else " × u"
+    return f" over {number(acting.ramp)} {case.units.label('time')}" if acting.ramp else ""
+
+
 def gravity_in_words(case: Case) -> str:
     """Return gravity as text, empty without."""
     gravity = case.dynamics.gravity if case.dynamics else (0.0, 0.0)
     return f"gravity {_pair(gravity)} {case.units.label('acceleration')}" if any(gravity) else ""
+
+
+def on_volume(case: Case) -> list[tuple[str, str, Any]]:
+    """Return of all that acts on the volume of bodies the body, words, and the direction where it has one."""
+    units = case.units
+    found: list[tuple[str, str, Any]] = []
+    if case.dynamics and any(case.dynamics.gravity):
+        found.append(("all bodies", gravity_in_words(case), case.dynamics.gravity))
+    for force in case.body_forces:
+        words = f"gravity {_pair(force.gravity)} {units.label('acceleration')}" if force.gravity else (
+            f"force {_pair(force.value)} {units.label('force_density')}")  # fmt: skip
+        found.append((force.on or "all bodies", words + _ramp_in_words(force, case), force.gravity or force.value))
+    for strain in case.eigenstrains:
+        words = f"temperature {strain.temperature:+g} K" if strain.value is None else (
+            f"eigenstrain [{_pair(strain.value[0])}, {_pair(strain.value[1])}]")  # fmt: skip
+        found.append((strain.on or "all bodies", words + _ramp_in_words(strain, case), None))
+    return found
 
 
 def velocity_in_words(case: Case, body: str) -> str:
@@ -106,10 +133,12 @@ def _pair(point: Any) -> str:
 
 
 def boundary_rows(case: Case) -> list[dict[str, str]]:
-    """Return name, place and conditions of all that acts: boundary sets, gravity, velocities at the start."""
+    """Return name, place and conditions of all that acts: boundary sets, forces and strains of bodies, velocities."""
     said = {name: ", ".join(condition_in_words(c, case) for c in acting) for name, acting in conditions(case).items()}
     rows = [(name, place_in_words(case, name), words) for name, words in said.items()]
-    rows += [("gravity", "all bodies", gravity_in_words(case).removeprefix("gravity "))]
+    for body, words, _ in on_volume(case):
+        name, _, rest = words.partition(" ")
+        rows.append((name, body, rest))
     rows += [(body, "the body, at the start", velocity_in_words(case, body)) for body in case.bodies]
     return [dict(zip(("name", "place", "conditions"), row, strict=True)) for row in rows if row[2]]
 
@@ -198,6 +227,9 @@ def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: flo
     """Draw the set's place, its symbols and its label outside the body."""
     acting = conditions(case)[boundary]
     _draw_place(axes, case.boundaries[boundary])
+    for condition in acting:
+        if isinstance(condition, Traction) and condition.pressure:
+            _draw_pressure(axes, case, boundary, samples, np.sign(condition.pressure) * size)
     words = ", ".join(condition_in_words(condition, case, mathematics=True) for condition in acting)
     for side in _area(case.boundaries[boundary].box, acting) or sides_of(case, boundary, samples):
         depth = _draw_symbols(axes, side, acting, size)
@@ -209,6 +241,17 @@ def _draw_boundary(axes: Any, case: Case, boundary: str, samples: Any, size: flo
             ha=across if upright else "center",
             va="center" if upright else "bottom" if side.normal[1] > 0 else "top",
         )  # fmt: skip
+
+
+def _draw_pressure(axes: Any, case: Case, boundary: str, samples: Any, size: float) -> None:
+    """Draw arrows against the edge from outside, or away from it for a negative size."""
+    places, normals = samples
+    (lower, upper), count = case.bounding_box(), 2 * SYMBOLS_ON_A_SIDE
+    on_set = np.flatnonzero(case.boundaries[boundary].select(places, 2e-3 * float((upper - lower).max()), (lower, upper)))
+    for index in on_set[np.linspace(0, len(on_set) - 1, 2 * count + 1).round().astype(int)[1::2]] if len(on_set) else ():
+        away = 1.2 * abs(size) * normals[index]
+        start, along = (places[index] + away, -away) if size > 0 else (places[index], away)
+        _draw_arrow(axes, start, along)
 
 
 def _area(box: Box | None, acting: list[Constraint | Traction]) -> list[Side]:
@@ -248,8 +291,11 @@ def _draw_symbols(axes: Axes, side: Side, acting: list[Constraint | Traction], s
         depth = _draw_rollers(axes, side, AXES_OF[fixed[0]], size)
     for constraint in constraints:
         depth = max(depth, _draw_motion(axes, side, constraint, size, depth))
-    for traction in acting:
-        if isinstance(traction, Traction) and any(traction.value):
+    tractions = [condition for condition in acting if isinstance(condition, Traction)]
+    if any(traction.pressure for traction in tractions):
+        depth = max(depth, 1.3)
+    for traction in tractions:
+        if traction.value is not None and any(traction.value):
             depth = max(depth, _draw_arrows(axes, side, _unit(traction.value), size, depth))
     return depth
 
@@ -293,7 +339,9 @@ def _draw_motion(axes: Axes, side: Side, constraint: Any, size: float, depth: fl
     if constraint.motion is not None:
         axes.plot(*side.spread(12).T, "o", color=MOVED, markersize=3, zorder=4)
         return max(depth, 0.15)
-    amount = next((a for a in (constraint.scale, constraint.velocity, constraint.value) if a is not None), 0.0)
+    of_table = None if constraint.course is None else constraint.course.values[np.abs(constraint.course.values).argmax()]
+    given = (constraint.scale, constraint.velocity, constraint.value, of_table)
+    amount = next((a for a in given if a is not None), 0.0)
     if not amount or constraint.direction not in AXES_OF:
         return depth
     return _draw_arrows(axes, side, np.sign(amount) * AXES_OF[constraint.direction], size, depth)
@@ -320,15 +368,16 @@ def _draw_arrow(axes: Axes, start: np.ndarray, along: np.ndarray) -> None:
     axes.annotate("", tuple(start + along), tuple(start), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0}, zorder=5)
 
 
-def _draw_gravity(axes: Axes, case: Case, size: float) -> None:
-    """Draw gravity as an arrow with its words above the bodies' left corner."""
-    words = gravity_in_words(case)
-    if words and case.dynamics:
-        (left, _), (_, top) = case.bounding_box()
-        along = 2.0 * size * _unit(case.dynamics.gravity)
-        middle = np.array([left + size, top + 2.6 * size])
-        _draw_arrow(axes, middle - along / 2, along)
-        axes.text(middle[0] + 1.5 * size, middle[1], words, ha="left", va="center", fontsize=8.5, zorder=6)
+def _draw_on_volume(axes: Axes, case: Case, size: float) -> None:
+    """Draw what acts on the bodies' volume above their left corner: words, and an arrow where it has a direction."""
+    (left, _), (_, top) = case.bounding_box()
+    for line, (body, words, direction) in enumerate(on_volume(case)):
+        middle = np.array([left + size, top + (2.6 + 1.5 * line) * size])
+        if direction is not None:
+            along = 2.0 * size * _unit(direction)
+            _draw_arrow(axes, middle - along / 2, along)
+        said = words if body == "all bodies" else f"{body}: {words}"
+        axes.text(middle[0] + 1.5 * size, middle[1], said, ha="left", va="center", fontsize=8.5, zorder=6)
 
 
 # ---------------------------------------------------------------- drawing the body
@@ -494,7 +543,7 @@ def _draw_main(axes: Axes, case: Case, window: np.ndarray) -> None:
     samples = outline_samples(case)
     for boundary in conditions(case):
         _draw_boundary(axes, case, boundary, samples, size)
-    _draw_gravity(axes, case, size)
+    _draw_on_volume(axes, case, size)
     _draw_dimensions(axes, case, size)
     axes.add_patch(
         Rectangle(tuple(window[0]), *(window[1] - window[0]), fill=False, linestyle="--", linewidth=0.9,

@@ -57,7 +57,7 @@ def scene(seed: int, breaking: bool = False) -> Tables:
     guide = "x" if direction == "y" else "y"
     if draw.random() < 0.7:
         supports.append({"on": pulled, "direction": guide, "value": 0})
-    return {
+    tables = {
         "title": f"Scene {seed}",
         "requirement": "Two solvers give one force.",
         "units": {"length": "mm", "force": "kN"},
@@ -71,6 +71,27 @@ def scene(seed: int, breaking: bool = False) -> Tables:
         "mpm": {"order": draw.choice([1, 2]), "points_per_cell": draw.choice([2, 3])},
         "runs": {"fem": {"solver": "fem"}, "mpm": {"solver": "mpm"}},
     }
+    return tables if breaking else tables | _loads(random.Random(f"loads {seed}"), tables, pulled)
+
+
+def _loads(draw: random.Random, tables: Tables, pulled: str) -> Tables:
+    """In half of the scenes a load takes the place of the moved edge, which is free then."""
+    kind = draw.choice(["moved", "moved", "moved", "traction", "pressure", "weight", "warm"])
+    if kind == "moved":
+        return {}
+    material = dict(tables["materials"]["m"], expansion=1e-5)
+    stress = 1e-3 * material["young"] * draw.choice([1.0, -1.0])
+    acting: Tables = {
+        "traction": {"tractions": [{"on": pulled, "value": [stress, 0.5 * stress], "ramp": "load"}]},
+        "pressure": {"tractions": [{"on": pulled, "pressure": stress, "ramp": "load"}]},
+        "weight": {"body_forces": [{"value": [0.5 * stress, stress], "ramp": "load"}]},
+        "warm": {"eigenstrains": [{"temperature": draw.choice([100.0, -100.0]), "ramp": "load"}]},
+    }[kind]
+    supports = [held for held in tables["constraints"] if held["on"] != pulled]
+    if kind == "warm":
+        supports.append({"on": pulled, "direction": "y" if pulled == "top" else "x", "value": 0})
+    load = {"path": [0.0, 1.0], "increment": 0.5}
+    return acting | {"materials": {"m": material}, "constraints": supports, "load": load}
 
 
 def _shape(draw: random.Random, width: float, height: float) -> Tables:

@@ -215,5 +215,5 @@ def test_several_bodies_are_refused_with_a_remedy(tmp_path):
 
 def test_a_traction_on_no_edge_is_refused_with_a_remedy(tmp_path):
     text = BAR + '    tractions = [{ on = "spot", value = [1.0, 0.0] }]\n    boundaries.spot = { point = [0.0, 0.0] }\n'
-    with pytest.raises(CaseError, match="'spot' holds no edge of the mesh"):
+    with pytest.raises(CaseError, match="'spot': no edge of a body lies on it"):
         ExplicitFiniteElements(case_of(tmp_path, text, h=0.5, share=0.5))

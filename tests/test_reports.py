@@ -369,6 +369,47 @@ def test_all_that_acts_is_drawn_and_listed(tmp_path: Path, monkeypatch: pytest.M
     assert along >= {(0.0, 1.0), (0.0, -1.0), (1.0, 0.0)}
 
 
+AT_REST = """
+title = "A block that is pressed, pulled and warmed"
+requirement = "What acts is drawn."
+units = { length = "mm", force = "kN" }
+plane = { assumption = "strain" }
+materials.steel = { young = 210.0, poisson = 0.3, density = 7.8e-12, expansion = 1.2e-5 }
+bodies.block = { material = "steel", shape = { rectangle = { lower = [0, 0], upper = [1, 1] } } }
+constraints = [
+    { on = "bottom", direction = "y", value = 0 }, { on = "left", direction = "x", table = [[0, 0], [1, 0.1]] },
+]
+tractions = [{ on = "top", pressure = 2.0, ramp = "load" }]
+body_forces = [{ gravity = ["9.81 m/s^2", 0.0] }, { on = "block", value = [0.0, 1.0], ramp = "load" }]
+eigenstrains = [{ temperature = 20, ramp = "load" }, { on = "block", value = [[1e-3, 0], [0, 2e-3]] }]
+load = { path = [0.0, 1.0], increment = 0.5 }
+mesh = { h = 0.1 }
+runs.mpm = { solver = "mpm" }
+"""
+
+
+def test_what_acts_at_rest_is_drawn_and_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "case.toml").write_text(AT_REST, encoding="utf-8")
+    case = load_case(tmp_path / "case.toml")
+    rows = {(row["name"], row["place"], row["conditions"]) for row in scene.boundary_rows(case)}
+    assert rows >= {
+        ("top", "top of the bounding box", "pressure 2 kN/mm² × u"), ("gravity", "all bodies", "(9810, 0) mm/s²"),
+        ("force", "block", "(0, 1) kN/mm³ × u"), ("temperature", "all bodies", "+20 K × u"),
+        ("eigenstrain", "block", "[(0.001, 0), (0, 0.002)]"),
+        ("left", "left of the bounding box", "u_x from a table over u"),
+    }  # fmt: skip
+    drawn = figures_of(monkeypatch)
+    results = CaseResults({"case": "block", "source": str(case.source)}, tmp_path)
+    assert scene.scene(results, tmp_path) is not None
+    texts = drawn[0].axes[0].texts
+    said = " ".join(text.get_text() for text in texts)
+    assert "pressure 2" in said and "temperature +20 K" in said and "gravity (9810, 0)" in said
+    arrows = [text for text in texts if getattr(text, "arrow_patch", None) and not text.get_text()]
+    along = {tuple(np.sign(np.round(np.subtract(arrow.xy, arrow.xyann), 9))) for arrow in arrows}
+    assert along >= {(0.0, -1.0), (1.0, 0.0), (0.0, 1.0)}
+    assert results.load_label == "load factor u [1]" and results.unit("force") == "kN·mm"
+
+
 def test_pictures_from_elsewhere_are_links(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(MOVING, encoding="utf-8")
     page = "![a photo](https://example.org/a.png) ![b](//example.org/b.png) ![c](c.png)"

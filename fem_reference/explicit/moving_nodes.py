@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cases import Case
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
-from fem_reference.explicit.loads import traction_forces
 from fem_reference.explicit.strain_and_forces import Strain, element_forces, gather_at_nodes
+from fem_reference.tractions import traction_forces
 from physics.moving_frame import MovingFrame
 
 
@@ -44,7 +44,7 @@ class MovingNodes:
     Attributes
     ----------
     mass : (n_nodes,) row sums.
-    held : (n_nodes, 2) components whose velocity is prescribed, as ``held_velocity`` (n_nodes, 2).
+    held : (n_nodes, 2) components whose velocity is prescribed, at the start as ``held_velocity`` (n_nodes, 2).
     inner_forces, applied, acceleration : (n_nodes, 2) at the time for which forces were last evaluated.
     """
 
@@ -59,7 +59,8 @@ class MovingNodes:
         self.mass = np.bincount(corners, weights=share.ravel(), minlength=n_nodes)
         self.held = constraints.prescribed.reshape(-1, 2)
         self.held_velocity = constraints.prescribed_velocity().reshape(-1, 2)
-        self._tractions = traction_forces(case, basis)
+        self._constraints = constraints
+        self.loaded_edges = traction_forces(case, basis)
         self.inner_forces, self.applied = np.zeros((n_nodes, 2)), np.zeros((n_nodes, 2))
         self.acceleration = np.zeros((n_nodes, 2))
         self._element_forces = np.empty((len(basis.elements), 2 * basis.elements.shape[1]))
@@ -69,20 +70,26 @@ class MovingNodes:
         basis, local = self._basis, self._element_forces
         element_forces(basis.slope, basis.volume, phase_field, residual_stiffness, strain, local)
         gather_at_nodes(self._starts, self._corners, local, self.inner_forces)
-        pulls = sum(traction.share(now) * forces for traction, forces in self._tractions)
+        pulls = sum(edge.traction.share(now) * edge.forces for edge in self.loaded_edges)
         self.applied = self.mass[:, None] * self._frame.acceleration(now) + pulls
         self._damping = self._frame.damping(now)
         self.acceleration = (self.applied - self.inner_forces) / self.mass[:, None]
         self.acceleration[self.held] = 0.0
 
+    def with_held(self, velocity: NDArray, start: float, end: float) -> tuple[NDArray, float]:
+        """Velocity (n_nodes, 2) with what tables prescribe between two times, and the work that this takes [energy]."""
+        after = velocity.copy()
+        self._constraints.prescribe_velocity(after.reshape(-1), start, end)
+        return after, 0.5 * float((self.mass[:, None] * (after**2 - velocity**2)).sum())
+
     def velocity_after(self, velocity: NDArray, interval: float) -> NDArray:
-        """Velocity (n_nodes, 2) an interval after another one, damped by the mean of both."""
+        """Velocity (n_nodes, 2) an interval after another one, damped by the mean of both; what is held keeps its own."""
         loss = 0.5 * self._damping * interval
         kept, gained = (1.0 - loss) / (1.0 + loss), interval / (1.0 + loss)
-        return np.where(self.held, self.held_velocity, kept * velocity + gained * self.acceleration)
+        return np.where(self.held, velocity, kept * velocity + gained * self.acceleration)
 
     def outer_forces(self, velocity: NDArray) -> NDArray:
-        """External forces, damping and reactions included (n_nodes, 2); what is held moves at constant velocity."""
+        """External forces, damping and reactions included (n_nodes, 2), but for those that change held velocities."""
         free = self.applied
         if self._damping:
             free = free - self._damping * self.mass[:, None] * velocity

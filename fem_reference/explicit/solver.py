@@ -17,6 +17,7 @@ from fem_reference.explicit.strain_and_forces import ElementLaw, Strain, evaluat
 from numerics.costs import Costs
 from numerics.explicit import Balance, BlewUpError
 from numerics.fields import Fields
+from numerics.surface import loaded_lengths
 from numerics.time_steps import courant_step
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
@@ -112,6 +113,8 @@ class ExplicitFiniteElements:
         """Go from time `now` to `now + size`; raises BlewUpError."""
         self._bring_up_to_date()
         motion = self.motion
+        motion.velocity, work = self._nodes.with_held(motion.velocity, now, now + size)
+        self._work += work
         for further in range(self.case.staggered.passes):
             if further:
                 self._phase_field.solve(self._next.history_field, self._change, now)
@@ -189,8 +192,8 @@ class ExplicitFiniteElements:
         return {}
 
     def measures(self) -> dict[str, float]:
-        """Nothing that only the finite elements can tell."""
-        return {}
+        """Lengths of the edges that tractions act on."""
+        return loaded_lengths(edge.length for edge in self._nodes.loaded_edges)
 
     def fields(self) -> Fields:
         """Gauss points and nodes as they stand."""

@@ -143,14 +143,37 @@ def triangulate(
 def outline_of(shape: Shape, size: SizeField, corners: Sequence[tuple[float, float]] = ()) -> BaseGeometry:
     """The shape as a polygon whose corners on circles are as near to each other as the wanted size.
 
-    Those of the points `corners` that lie on a circle are corners of its polygon.
+    Those of the points `corners` that lie on a circle are corners of its polygon, and so are the ends of its arcs where
+    straight edges cut it.
     """
+    if shape.difference:
+        corners = [*corners, *_ends_of_arcs(shape)]
     if shape.disc:
         return shapely.Polygon(_circle_corners(shape.disc, size, corners))
     if shape.difference:
         holes = [outline_of(hole, size, corners) for hole in shape.difference.minus]
         return outline_of(shape.difference.of, size, corners) - shapely.union_all(holes)
     return shape.outline()
+
+
+def _ends_of_arcs(shape: Shape) -> list[tuple[float, float]]:
+    """Points at which straight edges of the shape cut its circles."""
+    straight = [np.asarray(part.outline().exterior.coords) for part in _parts_of(shape) if not part.disc]
+    found = []
+    for circle in circles_of(shape):
+        for start, end in (edge for corners in straight for edge in pairwise(corners)):
+            way, offset = end - start, start - circle.centre
+            half, square = way @ offset / (way @ way), (offset @ offset - circle.radius**2) / (way @ way)
+            root = np.sqrt(max(0.0, half**2 - square))
+            found += [start + t * way for t in (-half - root, -half + root) if 0.0 <= t <= 1.0 and half**2 > square]
+    return [(float(x), float(y)) for x, y in found]
+
+
+def _parts_of(shape: Shape) -> list[Shape]:
+    """The rectangles, polygons and discs that a shape is made of."""
+    if not shape.difference:
+        return [shape]
+    return [part for other in (shape.difference.of, *shape.difference.minus) for part in _parts_of(other)]
 
 
 def circles_of(shape: Shape) -> list[Circle]:

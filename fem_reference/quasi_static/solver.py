@@ -25,7 +25,9 @@ from numerics.fields import Fields
 from numerics.newton import TORN_STIFFNESS, load_ratio, newton
 from numerics.phase_field_equation import ScalarAtPoints
 from numerics.refinement import carried
-from numerics.staggered import NewtonError
+from numerics.staggered import LoadWork, NewtonError
+from numerics.surface import loaded_lengths
+from physics.acting import Acts, eigenstrains, eigenstress, work_density
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
 
@@ -105,6 +107,9 @@ class FiniteElements:
         constraints, breaks = self._equilibrium.constraints, bool(materials.breakable.any())
         _check_built(case, basis, constraints)
         self._fracture = MeshPhaseField(case, basis, materials, constraints, self.costs) if breaks else None
+        self._eigenstrain = Acts(*(gradient[basis.body, None] for gradient in eigenstrains(case)))
+        stresses = [eigenstress(materials, gradient, basis.body[:, None]) for gradient in self._eigenstrain]
+        self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in stresses))
         coefficients = PhaseFieldCoefficients(materials, basis.body[:, None])
         self._residual_stiffness = coefficients.residual_stiffness
         self._set_states(coefficients)
@@ -223,7 +228,8 @@ class FiniteElements:
             trial = self.trial
             self._equilibrium.spread(unknowns, trial.displacement)
             self._evaluate_forces()
-            trial.nodal_forces, trial.applied = self._equilibrium.nodal_forces(trial.load, trial.displacement)
+            trial.nodal_forces, applied = self._equilibrium.nodal_forces(trial.load, trial.displacement)
+            trial.applied = applied + self._held_back.at(abs(trial.load))
             return self._equilibrium.residual(trial.nodal_forces), max(self.committed.force_scale, trial.applied)
 
     def _evaluate_forces(self) -> None:
@@ -232,9 +238,14 @@ class FiniteElements:
         kernels.displacement_gradients(self.basis.elements, geometry.slope, moved, geometry.gradient, trial.gradient)
         kernels.even_dilation(self.basis.elements, geometry.dilation, moved, trial.gradient)
         kernels.internal_forces(
-            geometry.slope, geometry.dilation, geometry.volume, trial.gradient, trial.degradation, *self._law,
+            geometry.slope, geometry.dilation, geometry.volume, self._elastic_gradient(), trial.degradation, *self._law,
             self._equilibrium.local.vectors, trial.stress, trial.energy,
         )  # fmt: skip
+
+    def _elastic_gradient(self) -> NDArray:
+        """The gradient (n_el, n_gauss, 4) less the eigenstrain: what the elastic law acts on."""
+        none = self._eigenstrain.is_none
+        return self.trial.gradient if none else self.trial.gradient - self._eigenstrain.at(self.trial.load)
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Newton step -K^-1 R with the consistent tangent (Eq. 3.59)."""
@@ -242,7 +253,7 @@ class FiniteElements:
             stiffness = np.maximum(self.trial.degradation, TORN_STIFFNESS)
             geometry = self.geometry
             kernels.tangents(
-                geometry.slope, geometry.dilation, geometry.volume, self.trial.gradient, stiffness, *self._law,
+                geometry.slope, geometry.dilation, geometry.volume, self._elastic_gradient(), stiffness, *self._law,
                 self._equilibrium.local.matrices,
             )  # fmt: skip
             values = self._equilibrium.tangent_at(self.trial.displacement)
@@ -300,9 +311,18 @@ class FiniteElements:
 
     # ---------------------------------------------------------------- what can be seen
 
-    def reaction_force(self) -> float:
-        """Force conjugate to the load parameter, from the residual at the prescribed unknowns."""
-        return float(self.trial.nodal_forces @ self._equilibrium.constraints.prescribed_rates(self.trial.load))
+    def reaction_force(self, towards: float | None = None) -> float:
+        """Force conjugate to the load parameter on its way, from the residual at the prescribed unknowns."""
+        load = self.trial.load
+        rates = self._equilibrium.constraints.prescribed_rates(load, load if towards is None else towards)
+        return float(self.trial.nodal_forces @ rates)
+
+    def work_of_loads(self) -> LoadWork:
+        """Of tractions, body forces and eigenstrains since the last committed state."""
+        moved = (self.trial.displacement - self.committed.displacement).reshape(-1)
+        constant, following = (float(forces @ moved) for forces in self._equilibrium.external)
+        heat = work_density(self.trial.stress, self._eigenstrain.following) * self.geometry.volume
+        return LoadWork(constant, following, float(heat.sum()))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""
@@ -341,7 +361,8 @@ class FiniteElements:
     def measures(self) -> dict[str, float]:
         """Least quality of the moved elements, and errors against the exact solution where the case has one."""
         quality = float(scaled_jacobian(self.basis.nodes + self.trial.displacement, self.basis.elements).min())
-        return exact_errors(self.case, self.fields(), self.trial.load) | {"element_quality": quality}
+        lengths = loaded_lengths(edge.length for edge in self._equilibrium.loaded_edges)
+        return exact_errors(self.case, self.fields(), self.trial.load) | {"element_quality": quality} | lengths
 
 
 def _check_built(case: Case, basis: ElementBasis, constraints: NodeConstraints) -> None:

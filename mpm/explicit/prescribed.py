@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -11,15 +12,19 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.boundaries import BoundarySet
-from cases.loading import Traction
+from cases.course import Course
+from cases.loads import Traction
 from mpm.explicit.cell_splines import spline_values
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.window import GridWindow
 from mpm.grid import GridError
+from mpm.loaded_places import into_pieces, loaded_places
 from mpm.placement import PointCloud
 from mpm.quasi_static.constraints import DIRECTIONS, PointsOn
 from numerics.explicit import BlewUpError
 
+#: an edge is shared out among its points in pieces, in multiples of the smallest point's extent
+PIECE = 1.0 / 16.0
 #: normal direction (0 for x, 1 for y) and corner of the bounding box of each edge
 EDGE_NORMALS = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 
@@ -47,6 +52,12 @@ class HeldLine:
     high: float
     component: int
     velocity: float
+    course: Course | None = None
+
+    def begin_step(self, now: float, size: float) -> None:
+        """Take the velocity of a step from a time on."""
+        if self.course is not None:
+            self.velocity = self.course.rate(now, now + size)
 
     def apply(self, now: float) -> float:
         """Correct the nodes' velocities at a time; the impulse on the body along the component [force time].
@@ -54,7 +65,8 @@ class HeldLine:
         Raises BlewUpError where none of the body is left on the line.
         """
         body, window, order = self.body, self.body.window, self.body.lattice.order
-        moved = self.velocity * now if self.component == self.normal else 0.0
+        so_far = self.velocity * now if self.course is None else float(self.course.displacement(now))
+        moved = so_far if self.component == self.normal else 0.0
         across = (self.place + moved - body.lattice.origin[self.normal]) / body.lattice.h - window.corner[self.normal]
         cell = int(np.floor(across + 1e-9))
         held, impulse = False, 0.0
@@ -125,7 +137,7 @@ def held_lines(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> l
                     " move it onto another body."
                 )
             lines += [
-                HeldLine(name, body, normal, place, low, high, component, velocity)
+                HeldLine(name, body, normal, place, low, high, component, velocity, constraint.course)
                 for body in reached
                 if not body.rigid
             ]
@@ -159,12 +171,12 @@ def _lines_of(
 
 @dataclass
 class LoadedPoints:
-    """Points of a body, by their numbers (n,), with an edge of an area (n,) on which a traction acts."""
+    """Points of a body, by their numbers (n,), nearest to an edge on which a traction acts with forces (n, 2) in full."""
 
     body: MovingBody
     traction: Traction
     numbers: NDArray
-    area: NDArray
+    force: NDArray
     _places: NDArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _sorted_in: GridWindow | None = None
 
@@ -180,35 +192,28 @@ class LoadedPoints:
     def spread(self, now: float) -> None:
         """Add the forces at a time to those of the nodes."""
         body, motion, chosen = self.body, self.body.points.motion, self.places()
-        fx, fy = (self.traction.share(now) * value * self.area for value in self.traction.value)
+        fx, fy = (self.traction.share(now) * self.force).T
         # not at their edges: where a point has just entered a cell, the nodes there have little mass from it
         x, y = motion.x[chosen], motion.y[chosen]
         body.transfers.spread(x, y, fx, fy, body.window.width, body.window.tractions)
 
 
 class Tractions:
-    """Tractions along boundary sets, on the points that have an edge there; they go with the points."""
+    """Tractions along boundary sets, on the points nearest to the drawn edges there; they go with the points."""
 
     def __init__(self, case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> None:
-        select, box = PointsOn(case, cloud, at_edges=True), case.bounding_box()
+        pieces = partial(into_pieces, PIECE * float(cloud.size.min()))
         self._loads: list[LoadedPoints] = []
+        self.lengths: list[float] = []
         for number, traction in enumerate(case.tractions):
-            boundary = case.boundaries[traction.on]
-            if boundary.edge is None:
-                raise GridError(f"{case.source}: tractions[{number}].on: give a boundary set of one edge.")
-            normal, corner = EDGE_NORMALS[boundary.edge]
-            places, offset = select(boundary)
-            # a point inside that lies on the same line, of another body, has no edge there
-            kept = np.abs(cloud.positions[places, normal] + offset[:, normal] - box[corner][normal]) < 1e-9 * case.mesh.h
-            places = places[kept]
-            if not len(places):
-                name = f"{case.source}: tractions[{number}].on = '{traction.on}'"
-                raise GridError(f"{name}: no body has an edge there; move it onto a body.")
-            area = cloud.size[places, 1 - normal] * case.plane.thickness
+            places = loaded_places(case, number, cloud, pieces)
+            self.lengths.append(places.length)
+            points, of_place = np.unique(places.points, return_inverse=True)
+            force = np.stack([np.bincount(of_place, part) for part in places.force.T], axis=1)
             for n, body in enumerate(bodies):
-                own = cloud.body[places] == n
+                own = cloud.body[points] == n
                 if own.any():
-                    self._loads.append(LoadedPoints(body, traction, places[own], area[own]))
+                    self._loads.append(LoadedPoints(body, traction, points[own], force[own]))
         self._bodies = list({id(load.body): load.body for load in self._loads}.values())
 
     def add(self, now: float) -> None:

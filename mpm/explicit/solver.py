@@ -21,6 +21,7 @@ from numerics.costs import Costs
 from numerics.exact_errors import moving_errors
 from numerics.explicit import Balance
 from numerics.fields import Fields
+from numerics.surface import loaded_lengths
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
 from physics.moving_frame import MovingFrame
@@ -162,6 +163,8 @@ class ExplicitMaterialPoints:
 
     def _move(self, now: float, size: float) -> None:
         """Trial velocities, contact, and the points' motion from what is mapped to the grid."""
+        for line in self._lines:
+            line.begin_step(now, size)
         with self.costs.timed("grid"):
             acceleration, damping = self._frame.acceleration(now + 0.5 * size), self._frame.damping(now)
             for body in self.bodies:
@@ -250,8 +253,8 @@ class ExplicitMaterialPoints:
         return fields_of(self.bodies, self.cloud)
 
     def measures(self) -> dict[str, float]:
-        """Errors against the exact solution where there is one; half-width and peak of the pressure on a floor."""
-        errors = moving_errors(self.case, self.fields())
+        """Errors against an exact solution, half-width and peak of the pressure on a floor, lengths of loaded edges."""
+        errors = moving_errors(self.case, self.fields()) | loaded_lengths(self._tractions.lengths)
         pressed = self.contact.pressure_on_floor(self.case.mpm.order)
         if pressed and self.case.dynamics is not None:
             weight = -self.case.dynamics.gravity[1] * sum(body.points.matter.mass.sum() for body in self._moving)

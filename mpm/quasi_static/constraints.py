@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.boundaries import BoundarySet, nearest_on_segment
+from cases.course import Course
 from cases.geometry import Circle
 from mpm.grid import Grid, GridError
 from mpm.placement import PointCloud
@@ -31,7 +32,7 @@ REACH = 0.53
 
 @dataclass
 class PrescribedMotion:
-    """Prescribed motion of a list of places: u = scale * load + value, or a named exact field.
+    """Prescribed motion of a list of places: u = scale * load + value, a table, or a named exact field.
 
     ``places`` are nodes or points, held at ``positions`` (n, 2), which are ``offset`` (n, 2) away from the points.
     ``component`` is 0 or 1; ``tied`` places share one free displacement.
@@ -45,15 +46,20 @@ class PrescribedMotion:
     value: float = 0.0
     field: str | None = None
     tied: bool = False
+    course: Course | None = None
 
     def displacement(self, case: Case, load: float) -> NDArray:
         """Displacement component (n,) at a load."""
         if self.field is not None:
             return MOTIONS[self.field](case, self.positions, load)[:, self.component]
+        if self.course is not None:
+            return np.full(len(self.places), float(self.course.displacement(load)))
         return np.full(len(self.places), self.scale * load + self.value)
 
-    def rate(self, case: Case, load: float) -> NDArray:
-        """Change of the displacement with the load (n,)."""
+    def rate(self, case: Case, load: float, towards: float) -> NDArray:
+        """Change of the displacement with the load (n,) on the way to another one."""
+        if self.course is not None:
+            return np.full(len(self.places), self.course.rate(load, towards) if towards != load else 0.0)
         if self.field is None:
             return np.full(len(self.places), self.scale)
         step = 1e-6 * case.mesh.h
@@ -85,6 +91,7 @@ def displacement_motions(case: Case, select: Selector, positions: NDArray) -> li
             PrescribedMotion(
                 places, offset, component, positions[places] + offset, constraint.scale or 0.0,
                 constraint.value or 0.0, constraint.motion, bool(constraint.tied),
+                constraint.course,
             )
             for component in directions
         ]  # fmt: skip
@@ -219,12 +226,12 @@ class NodeMotions:
                 change = motion.displacement(self._case, load) - motion.displacement(self._case, before)
                 increment.reshape(-1)[_unknowns(motion)] = change
 
-    def conjugate_force(self, nodal_forces: NDArray, load: float) -> float:
-        """Work of forces (size,) at the nodes by a change of the load."""
+    def conjugate_force(self, nodal_forces: NDArray, load: float, towards: float) -> float:
+        """Work of forces (size,) at the nodes by a change of the load towards another one."""
         total = 0.0
         for motion in self._motions:
             if not motion.tied:
-                total += float(nodal_forces[_unknowns(motion)] @ motion.rate(self._case, load))
+                total += float(nodal_forces[_unknowns(motion)] @ motion.rate(self._case, load, towards))
         return total
 
 
@@ -301,9 +308,11 @@ class PointPenalty:
         np.add.at(total, self._first_master + self._master[is_tied], -forces[is_tied])
         return total
 
-    def rates(self, load: float) -> NDArray:
-        """Change of the targets with the load (n_springs,)."""
-        return _joined([np.zeros(len(m.places)) if m.tied else m.rate(self._case, load) for m in self._motions], float)
+    def rates(self, load: float, towards: float) -> NDArray:
+        """Change of the targets with the load (n_springs,) on the way to another one."""
+        motions = self._motions
+        rates = [np.zeros(len(m.places)) if m.tied else m.rate(self._case, load, towards) for m in motions]
+        return _joined(rates, float)
 
     def add_stiffness(self, pattern: SymmetricPattern, values: NDArray) -> None:
         """Add the springs' stiffness to the stored entries of the tangent, in place (Eq. A.6)."""

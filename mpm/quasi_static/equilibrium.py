@@ -9,12 +9,9 @@ from scipy.sparse import csr_matrix
 from cases import Case
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.constraints import NodeMotions, PointPenalty
-from mpm.quasi_static.point_basis import PointBasis
 from numerics.closing import ClosingFaces
 from numerics.costs import Costs
 from numerics.displacement_equations import DisplacementEquations
-from numerics.sparse_pattern import gather_vector
-from physics.exact import SOLUTIONS
 
 
 class GridEquilibrium(DisplacementEquations):
@@ -48,15 +45,6 @@ class GridEquilibrium(DisplacementEquations):
         super().__init__(active.cells.nodes, equations, self.tied.stop, costs, case.mpm.linear_solver, extra)
         costs.count["pattern_builds"] += 1
         costs.count["unknowns_displacement"], costs.count["cells"] = self.size, len(self.unknowns)
-
-    def body_forces(self, case: Case, positions: NDArray, basis: PointBasis) -> NDArray:
-        """Forces (2 n_nodes,) of the exact solution's body force on points (n_points, 2) at unit load."""
-        solution = SOLUTIONS.get(case.exact or "")
-        if solution is None or solution.body_force is None:
-            return np.zeros(len(self.equations))
-        forces = solution.body_force(case, positions, 1.0) * basis.values.volume[:, None]
-        local = basis.values.value[:, :, None] * forces[:, None, :]
-        return gather_vector(self.unknowns[basis.active.cells.cell], local, len(self.equations))
 
     def seen_part(self, values: NDArray, cell: NDArray) -> csr_matrix:
         """Matrix of the unknowns that points in some cells (n_points,) see, and of tied places."""

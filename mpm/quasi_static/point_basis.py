@@ -42,6 +42,7 @@ class PointBasis:
     ----------
     own_value : (n_points, k) functions at the points' own places.
     values : functions where the points integrate.
+    filled_volume : (n_points,) that each point stands for on the first geometry.
     is_current : the points have not moved since.
     """
 
@@ -91,7 +92,7 @@ class PointBasis:
             second = self.grid.second_derivatives(places, *self._places)
             curvature = second @ self._material_axes(deformation).transpose(0, 2, 1)
         # torn material (c -> 0) keeps the grid's own slopes and its own volume
-        volume = self.cloud.volume * filling
+        self.filled_volume = volume = self.cloud.volume * filling
         if self._case.mpm.strain == "initial":
             return BasisValues(value, slope @ deformation, curvature, volume)
         return BasisValues(value, slope, curvature, volume * _determinant(deformation))

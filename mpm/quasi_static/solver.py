@@ -17,6 +17,7 @@ from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.built import check_built
 from mpm.quasi_static.constraints import closing_faces, node_motions, point_penalty
 from mpm.quasi_static.equilibrium import GridEquilibrium
+from mpm.quasi_static.loads import PointLoads
 from mpm.quasi_static.phase_field import GridPhaseField
 from mpm.quasi_static.point_basis import PointBasis
 from mpm.quasi_static.point_state import Places, PointState, TrialState
@@ -24,6 +25,9 @@ from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.newton import TORN_STIFFNESS, newton
+from numerics.staggered import LoadWork
+from numerics.surface import loaded_lengths
+from physics.acting import Acts, eigenstrains, eigenstress, work_density
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
 
@@ -46,6 +50,9 @@ class MaterialPoints:
         self._springs = point_penalty(case, cloud, materials)
         self._closing = closing_faces(case, grid, materials)
         check_built(case, grid, cloud, self._node_motions, self._springs)
+        self._loads = PointLoads(case, grid, cloud)
+        self._eigenstrain = Acts(*(gradient[cloud.body] for gradient in eigenstrains(case)))
+        self._eigenstress = [eigenstress(materials, gradient, cloud.body) for gradient in self._eigenstrain]
         coefficients = PhaseFieldCoefficients(materials, cloud.body)
         self._residual_stiffness = coefficients.residual_stiffness
         self.state = PointState.first(
@@ -97,8 +104,17 @@ class MaterialPoints:
         if self._fracture:
             self._fracture.find_points(basis.active)
         self._springs.find_in_grid(basis, self._equilibrium.equations, self._equilibrium.size)
-        self._external = self._equilibrium.body_forces(self.case, self.state.positions, basis)
+        self._external = self._loads.on_nodes(basis, self._equilibrium, self.state.positions)
+        self._held_back = Acts(*(self._norm_of_forces(stress) for stress in self._eigenstress))
         self.costs.count["active_cells"] = int(np.count_nonzero(basis.active.counts))
+
+    def _norm_of_forces(self, stress: NDArray) -> float:
+        """Norm of the nodal forces of stresses (n_points, 3): a scale where nothing else acts."""
+        if not stress.any():
+            return 0.0
+        vectors = self._equilibrium.local.vectors
+        kernels.internal_forces(self.basis.active.cells, self.basis.values, stress, vectors)
+        return float(np.linalg.norm(self._equilibrium.internal_forces()))
 
     def _use_cells(self, active: ActiveGrid) -> None:
         """Number the equations of the cells in use."""
@@ -145,18 +161,23 @@ class MaterialPoints:
             trial.tied = unknowns[equilibrium.tied].copy()
             self._evaluate_stresses()
             kernels.internal_forces(self.basis.active.cells, self.basis.values, trial.stress, equilibrium.local.vectors)
-            external, of_springs = trial.load * self._external, self._spring_forces()
+            external, of_springs = self._external.at(trial.load), self._spring_forces()
             of_faces = self._closing.forces(self.state.so_far + trial.increment)
             trial.nodal_forces = equilibrium.internal_forces() + of_faces - external
             residual = equilibrium.residual(trial.nodal_forces) + self._springs.residual(of_springs)
             applied = np.linalg.norm(trial.nodal_forces[equilibrium.prescribed]) + np.linalg.norm(of_springs)
-            trial.applied = float(applied + np.linalg.norm(external))
+            trial.applied = float(applied + np.linalg.norm(external) + self._held_back.at(abs(trial.load)))
             return residual, max(self.state.force_scale, trial.applied)
 
     def _evaluate_stresses(self) -> None:
         trial, basis = self.trial, self.basis
         kernels.add_gradients(basis.active.cells, basis.values, trial.increment, self.state.gradient, trial.gradient)
-        kernels.stresses(trial.gradient, trial.degradation, *self._law, trial.stress, trial.energy)
+        kernels.stresses(self._elastic_gradient(), trial.degradation, *self._law, trial.stress, trial.energy)
+
+    def _elastic_gradient(self) -> NDArray:
+        """The gradient (n_points, 4) less the eigenstrain: what the elastic law acts on."""
+        none = self._eigenstrain.is_none
+        return self.trial.gradient if none else self.trial.gradient - self._eigenstrain.at(self.trial.load)
 
     def _spring_forces(self) -> NDArray:
         """Forces (n_springs,) of the penalty."""
@@ -174,7 +195,7 @@ class MaterialPoints:
         trial, basis = self.trial, self.basis
         stiffness = np.maximum(trial.degradation, TORN_STIFFNESS)
         local = self._equilibrium.local.matrices
-        kernels.tangents(basis.active.cells, basis.values, trial.gradient, stiffness, *self._law, local)
+        kernels.tangents(basis.active.cells, basis.values, self._elastic_gradient(), stiffness, *self._law, local)
         values = self._equilibrium.tangent()
         pattern, equations = self._equilibrium.pattern, self._equilibrium.equations
         self._springs.add_stiffness(pattern, values)
@@ -239,11 +260,19 @@ class MaterialPoints:
 
     # ---------------------------------------------------------------- what can be seen
 
-    def reaction_force(self) -> float:
-        """Force conjugate to the load parameter: from the residual at prescribed nodes or from the penalty."""
+    def reaction_force(self, towards: float | None = None) -> float:
+        """Force conjugate to the load parameter on its way: from the residual at prescribed nodes or the penalty."""
         load = self.trial.load
-        of_springs = -float(self._spring_forces() @ self._springs.rates(load))
-        return of_springs + self._node_motions.conjugate_force(self.trial.nodal_forces, load)
+        to = load if towards is None else towards
+        of_springs = -float(self._spring_forces() @ self._springs.rates(load, to))
+        return of_springs + self._node_motions.conjugate_force(self.trial.nodal_forces, load, to)
+
+    def work_of_loads(self) -> LoadWork:
+        """Of tractions, body forces and eigenstrains since the last committed state."""
+        moved = self.trial.increment.reshape(-1)
+        constant, following = (float(forces @ moved) for forces in self._external)
+        heat = work_density(self.trial.stress, self._eigenstrain.following) @ self.basis.values.volume
+        return LoadWork(constant, following, float(heat))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""
@@ -283,4 +312,4 @@ class MaterialPoints:
         errors = exact_errors(self.case, self.fields(), self.state.load)
         if len(self._springs.places):
             errors["constraint_error"] = self.state.constraint_error
-        return errors | placement_health(self.case, self.basis.cloud)
+        return errors | placement_health(self.case, self.basis.cloud) | loaded_lengths(self._loads.lengths)

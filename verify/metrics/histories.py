@@ -43,7 +43,7 @@ def end_displacement(run: RunData) -> float:
     return float(curve_of(run).u[-1])
 
 
-@metric("toughness", "slope of the load-displacement curve at its start")
+@metric("stiffness", "slope of the load-displacement curve at its start")
 def initial_stiffness(run: RunData) -> float:
     """As `curves.initial_stiffness`."""
     return curves.initial_stiffness(curve_of(run))

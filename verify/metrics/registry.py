@@ -44,4 +44,4 @@ def find_metric(name: str) -> Metric:
 def metric_unit(name: str, case: Case) -> str:
     """Text of a metric's unit in the units of a case, such as "kN"; "1" for pure numbers."""
     kind = find_metric(name).unit
-    return "°" if kind == "degree" else case.units.label(kind)
+    return "°" if kind == "degree" else case.unit(kind)
