@@ -241,6 +241,11 @@ class RunFolder:
             raise self._damaged(file, "holds no mesh")
         return mesh.copy()
 
+    def _points(self, file: str) -> "pyvista.UnstructuredGrid":
+        from verify.runs.vtk_files import with_all_point_data
+
+        return with_all_point_data(self._mesh(file))
+
     def _nearest(self, u: float | None) -> pd.Series:
         if self.index.empty and self.info["increments"]:
             raise NotGivenError(f"run {self.info['run']}: has no fields, a history and a crack path are all there is")
@@ -252,11 +257,11 @@ class RunFolder:
     def snapshots(self) -> Iterator[Snapshot]:
         """All snapshots in the order of the run, the last state last."""
         for _, row in self.index.iterrows():
-            yield Snapshot(float(row["u"]), int(row["step"]), self._mesh(row["points_file"]))
+            yield Snapshot(float(row["u"]), int(row["step"]), self._points(row["points_file"]))
 
     def points(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
         """Integration points of the snapshot nearest to displacement ``u``; the last state without it."""
-        return self._mesh(self._nearest(u)["points_file"])
+        return self._points(self._nearest(u)["points_file"])
 
     def grid(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
         """Grid or mesh of the snapshot nearest to displacement ``u``; the last state without it."""
