@@ -11,6 +11,7 @@ EXTRAS = {
     "fields": ("pyvista", "vtkmodules", "vtk", "skimage"),
     "fast": ("pypardiso",),
     "dask": ("dask", "distributed"),
+    "easyfea": ("EasyFEA",),
 }
 
 

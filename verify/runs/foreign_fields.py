@@ -251,6 +251,19 @@ class _Reading:
 _PLANE_STRESS = {3: [0, 1, 2], 4: [0, 1, 3], 6: [0, 1, 3], 9: [0, 4, 1]}
 
 
+def fields_on_mesh(
+    points: NDArray, cells: NDArray, phase_field: NDArray, displacement: NDArray, thickness: float
+) -> Fields:
+    """The fields of nodal values on triangles or quadrilaterals (k, 3 or 4) with counter-clockwise corners.
+
+    points, displacement : (n, 2) [length]. phase_field : (n,). What does not follow from them is NaN.
+    """
+    if cells.shape[1] == 4:
+        cells = np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
+    nodal = {"phase_field": phase_field, "displacement": displacement}
+    return _fields(points, cells, nodal, {"phase_field": phase_field[cells].mean(axis=1)}, thickness)
+
+
 def _fields(
     points: NDArray, cells: NDArray, nodal: dict[str, NDArray], central: dict[str, NDArray], thickness: float
 ) -> Fields:
