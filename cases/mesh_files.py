@@ -64,6 +64,8 @@ def _elements(path: Path, group: str | None) -> MeshArrays:
     cells = _plane_cells(path, content)
     points = np.asarray(content.points, dtype=np.float64)
     mesh = MeshArrays(points, cells, np.zeros(len(cells), dtype=np.int64)).without_unused_points()
+    if not (finite := np.isfinite(mesh.points).all(axis=1)).all():
+        raise MeshError(f"{path}: has {(~finite).sum()} nodes that are no finite numbers; export the mesh again")
     points = _plane_points(path, mesh.points)
     return replace(mesh, points=points, cells=_counter_clockwise(path, points, mesh.cells))
 
