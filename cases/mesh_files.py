@@ -9,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
 from cases.errors import MeshError
@@ -144,6 +142,9 @@ def hanging_node(mesh: MeshArrays) -> Floats | None:
 
 def number_of_parts(cells: Integers) -> int:
     """Parts that no element connects."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     first, other = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
     size = int(cells.max()) + 1
     graph = coo_array((np.ones(len(first), dtype=bool), (first, other)), shape=(size, size))

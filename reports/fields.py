@@ -9,7 +9,6 @@ import pandas as pd
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from scipy.spatial import cKDTree
 
 from numerics.element_quality import scaled_jacobian
 
@@ -55,6 +54,8 @@ def point_image(
     case: Case, places: np.ndarray, values: np.ndarray
 ) -> tuple[np.ma.MaskedArray, tuple[float, float, float, float]]:
     """Return points as an image (rows, columns), masked outside the bodies, and its extent."""
+    from scipy.spatial import cKDTree
+
     lower, upper = (np.asarray(corner, dtype=float) for corner in case.bounding_box())
     pixel = (upper - lower).max() / PIXELS
     columns, rows = np.maximum(np.round((upper - lower) / pixel).astype(int), 1)
