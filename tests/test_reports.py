@@ -404,7 +404,8 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
          "--disable-background-networking", "--disable-component-update", "--dump-dom")  # fmt: skip
 MEASURE = """<script>addEventListener("load", function () {
-  var pictures = Array.from(document.querySelectorAll(".first img"), (i) => i.getBoundingClientRect());
+  var pictures = Array.from(document.querySelectorAll(".first img, .first .chart > svg"));
+  pictures = pictures.map((i) => i.getBoundingClientRect()).filter((p) => p.width > 0);
   var checks = document.querySelector("table.wide").parentElement, root = document.documentElement;
   document.body.dataset.layout = JSON.stringify({
     window: innerWidth, hidden: root.scrollWidth - root.clientWidth, table: checks.scrollWidth - checks.clientWidth,
