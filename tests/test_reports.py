@@ -53,7 +53,7 @@ def pages(out: Path) -> list[Path]:
 
 def text_of(page: Path) -> str:
     """The words of a page without its markup."""
-    body = re.sub(r"(?s)<style>.*?</style>", "", page.read_text(encoding="utf-8"))
+    body = re.sub(r"(?s)<(style|script)\b.*?</\1>", "", page.read_text(encoding="utf-8"))
     return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", body)))
 
 
@@ -112,7 +112,7 @@ def test_special_characters_are_escaped(report: tuple[Path, dict[str, Any]]) -> 
         assert TITLE in text_of(page)
         source = page.read_text(encoding="utf-8")
         assert "<plate>" not in source
-        assert "<script" not in source
+        assert source.count("<script") in (0, 2)  # the script of the curves and their numbers
 
 
 def test_the_data_behind_a_curve_are_the_history(report: tuple[Path, dict[str, Any]]) -> None:

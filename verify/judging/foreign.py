@@ -6,6 +6,7 @@ import re
 import shlex
 import shutil
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,13 @@ class Judgement:
         return pd.DataFrame(self.entry["checks"], columns=columns)
 
     def _repr_html_(self) -> str:
-        return f"<p><b>{self.entry['case']}: {self.verdict}</b></p>{self.checks.to_html(index=False)}"
+        from verify.runs.sketch import sketch
+
+        runs = {name: RunFolder(self.out / told["folder"]) for name, told in self.entry["runs"].items() if told["folder"]}
+        curves = {name: (run.history["u"], run.history["F"]) for name, run in runs.items()}
+        said = "".join(f"<li>{escape(remark)}</li>" for remark in self.remarks)
+        head = f"<p><b>{escape(self.entry['case'])}: {self.verdict}</b></p><ul>{said}</ul>"
+        return f"{head}{sketch(curves, 'u', 'F')}{self.checks.to_html(index=False)}"
 
 
 def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:

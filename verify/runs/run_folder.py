@@ -18,6 +18,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -272,6 +273,20 @@ class RunFolder:
         from verify.runs.vtk_files import fields_of
 
         return fields_of(self.points(u), self.grid(u))
+
+    def _repr_html_(self) -> str:
+        """How it ended and its curve, in a notebook."""
+        from verify.runs.sketch import sketch
+
+        info, history = self.info, self.history
+        over = "time" if history["u"].equals(history["time"]) else "u"
+        told = f"{info['case']}, tier {info['tier']}, run {info['run']}: {info['status']}"
+        seconds = info.get("seconds", {}).get("total", 0.0)
+        curve = sketch({info["run"]: (history[over], history["F"])}, over, "F")
+        return (
+            f"<p><b>{escape(told)}</b> {escape(info['reason'])}<br>{len(history)} increments, {seconds:.3g} s,"
+            f" largest |F| {history['F'].abs().max():.5g}</p>{curve}"
+        )
 
     @property
     def checkpoint(self) -> Checkpoint:
