@@ -82,6 +82,10 @@ class Body(Table):
             return self.shape.contains(points, slack)
         return shapely.dwithin(self._mesh_outline(), shapely.points(np.asarray(points, dtype=float)), slack)
 
+    def outline(self) -> shapely.geometry.base.BaseGeometry:
+        """The area that it fills at the start [length]."""
+        return self.shape.outline() if self.shape else self._mesh_outline()
+
     def initial_velocity(self, points: ArrayLike) -> Array:
         """Velocity (n, 2) at points (n, 2) of the body at the start [length/time]."""
         middle = np.mean(self.bounds(), axis=0)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+from html import escape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from cases.judging import Check, TierName
@@ -49,6 +51,27 @@ class Case(CaseDescription):
         specs = list(self.run_specs().values())
         applying = [(number, check) for number, check in enumerate(self.checks) if self.tier in check.tiers]
         return [(number, each) for number, check in applying for each in check.each(specs)]
+
+    def _repr_html_(self) -> str:
+        """What it is, in a notebook: requirement, outline of the bodies, material, loading, spacing, runs."""
+        rows = {
+            "requirement": self.requirement,
+            "materials": "; ".join(f"{name}: E = {each.young:g}" for name, each in self.materials.items() if each.young),
+            "load": f"u = {' → '.join(f'{u:g}' for u in self.load.path)} {self.units.length}" if self.load else "dynamic",
+            "spacing": f"{self.mesh.h:g} {self.units.length}, tier {self.tier}",
+            "runs": ", ".join(self.expanded_runs()),
+        }
+        cells = "".join(f"<tr><th>{key}</th><td>{escape(value)}</td></tr>" for key, value in rows.items() if value)
+        return f"<p><b>{escape(self.title)}</b> ({escape(self.name)})</p>{self._outlines()}<table>{cells}</table>"
+
+    def _outlines(self) -> str:
+        """The bodies' outlines as an SVG element, y upwards."""
+        (left, bottom), (right, top) = (np.asarray(corner, dtype=float) for corner in self.bounding_box())
+        edge = 0.02 * max(right - left, top - bottom)
+        areas = [body.outline() for body in self.bodies.values()]
+        shapes = "".join(area.svg(scale_factor=0.5 * edge, fill_color="#dce4ec") for area in areas)
+        frame = f"{left - edge:g} {-top - edge:g} {right - left + 2 * edge:g} {top - bottom + 2 * edge:g}"
+        return f'<svg width="260" height="200" viewBox="{frame}"><g transform="scale(1,-1)">{shapes}</g></svg>'
 
     def hash(self, stated: bool = False) -> str:
         """First 16 hexadecimal digits of the SHA-256 of what is computed.

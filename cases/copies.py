@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cases.case import Case
+from cases.files import with_parts
 from cases.loader import CASE_FILE, read_tables
 
 #: keys whose values are files beside the case
@@ -49,8 +50,10 @@ def _with_files(value: Any, source: Path, target: Path, key: str = "") -> Any:
         return value
     place = Path(value)
     place = Path(place.name) if place.is_absolute() else place
-    (target / place).parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(source / value, target / place)
+    for part in with_parts((source / value).resolve()):
+        beside = (target / place).parent / part.relative_to((source / value).resolve().parent)
+        beside.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(part, beside)
     return place.as_posix()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,10 @@ from numpy.typing import NDArray
 from pydantic import ValidationInfo
 
 from cases.errors import BrokenRuleError
+
+#: files that name others, and how names look in them
+_LISTS = (".pvd", ".pvtu", ".xdmf", ".xmf")
+_NAMED = re.compile(r"""[>"']\s*([^<>"':]+?\.(?:p?vtu|vtk|vtp|h5|hdf5|bin))(?=[<"':\s])""")
 
 
 def existing_file(path: Path, info: ValidationInfo, what: str) -> Path:
@@ -33,6 +38,17 @@ def existing_file(path: Path, info: ValidationInfo, what: str) -> Path:
     if not is_file:
         raise BrokenRuleError("is not a file", f"name {what} in the folder of the case", value=str(path))
     return full
+
+
+def with_parts(path: Path) -> list[Path]:
+    """A file of fields and those beside it that it names: the states of a .pvd, the heavy data of an .xdmf."""
+    if path.suffix.lower() not in _LISTS:
+        return [path]
+    named = dict.fromkeys(_NAMED.findall(path.read_text(encoding="utf-8", errors="replace")))
+    folder = path.parent.resolve()
+    found = [folder / name for name in named]
+    inside = (part for part in found if part.is_file() and part.resolve().is_relative_to(folder))
+    return [path, *(more for part in inside for more in with_parts(part))]
 
 
 def read_text(path: Path) -> str:

@@ -15,7 +15,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from cases.errors import BrokenRuleError
-from cases.files import existing_file, read_curve
+from cases.files import existing_file, read_curve, with_parts
+from cases.foreign_fields import ForeignFields
 from cases.mapping import parse_mapping
 from cases.solvers import IMPORTED, SolverName
 from cases.table import Name, Switch, Table
@@ -40,16 +41,21 @@ _LABEL = re.compile(r"[A-Za-z0-9_.+-]+")
 
 @dataclass(frozen=True)
 class Foreign:
-    """A result from elsewhere: table of its history, how its columns are mapped, table x,y of its crack path."""
+    """A result from elsewhere: table of its history, how its columns are mapped, table x,y of its crack path, fields."""
 
     history: Path
     map: str = ""
     crack_path: Path | None = None
+    fields: ForeignFields | None = None
 
     def checksum(self) -> str:
-        """SHA-256 of all three, in hexadecimal digits."""
-        files = [path.read_bytes() for path in (self.history, self.crack_path) if path]
-        return hashlib.sha256(b"\0".join([self.map.encode(), *files])).hexdigest()
+        """SHA-256 of all four, in hexadecimal digits."""
+        said = [self.map.encode()]
+        files = [path for path in (self.history, self.crack_path) if path]
+        if self.fields:
+            said.append(self.fields.model_dump_json(exclude={"file"}).encode())
+            files += with_parts(self.fields.file)
+        return hashlib.sha256(b"\0".join([*said, *(file.read_bytes() for file in files)])).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -114,8 +120,8 @@ class Run(Table):
     accepts : indicator of the health record that may be beyond its limit in this run -> why
     sweep : dotted key, or "key.0", "key.1" for the entries of an array -> values; expands to one run for each
         combination of values
-    history, map, crack_path : of the solver "imported": CSV file of the history, its columns (`cases.mapping`), and
-        CSV file x,y of the crack path
+    history, map, crack_path, fields : of the solver "imported": CSV file of the history, its columns
+        (`cases.mapping`), CSV file x,y of the crack path, and the file of its fields
     """
 
     solver: SolverName
@@ -126,6 +132,7 @@ class Run(Table):
     history: Path | None = None
     map: str = ""
     crack_path: Path | None = None
+    fields: ForeignFields | None = None
 
     @field_validator("history", "crack_path")
     @classmethod
@@ -140,7 +147,7 @@ class Run(Table):
 
     @model_validator(mode="after")
     def _is_imported_or_solved(self) -> Run:
-        given = [key for key in ("history", "map", "crack_path") if getattr(self, key)]
+        given = [key for key in ("history", "map", "crack_path", "fields") if getattr(self, key)]
         if self.solver != IMPORTED and given:
             remedy = f'give solver = "{IMPORTED}", or remove it'
             raise BrokenRuleError("belongs to a result from elsewhere", remedy, given[0])
@@ -167,7 +174,7 @@ class Run(Table):
     def members(self, family: str) -> list[RunSpec]:
         """All runs that this table stands for."""
         if family not in self._members:
-            foreign = Foreign(self.history, self.map, self.crack_path) if self.history else None
+            foreign = Foreign(self.history, self.map, self.crack_path, self.fields) if self.history else None
             plain = RunSpec(family, self.solver, family, self.expect_failure, self.change, self.accepts, foreign=foreign)
             swept = product(*self.sweep.values())
             self._members[family] = [self._member(family, values) for values in swept] if self.sweep else [plain]

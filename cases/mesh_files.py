@@ -9,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
 from cases.errors import MeshError
@@ -64,6 +62,8 @@ def _elements(path: Path, group: str | None) -> MeshArrays:
     cells = _plane_cells(path, content)
     points = np.asarray(content.points, dtype=np.float64)
     mesh = MeshArrays(points, cells, np.zeros(len(cells), dtype=np.int64)).without_unused_points()
+    if not (finite := np.isfinite(mesh.points).all(axis=1)).all():
+        raise MeshError(f"{path}: has {(~finite).sum()} nodes that are no finite numbers; export the mesh again")
     points = _plane_points(path, mesh.points)
     return replace(mesh, points=points, cells=_counter_clockwise(path, points, mesh.cells))
 
@@ -142,6 +142,9 @@ def hanging_node(mesh: MeshArrays) -> Floats | None:
 
 def number_of_parts(cells: Integers) -> int:
     """Parts that no element connects."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     first, other = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
     size = int(cells.max()) + 1
     graph = coo_array((np.ones(len(first), dtype=bool), (first, other)), shape=(size, size))

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import io
 from functools import lru_cache
@@ -87,12 +88,20 @@ def _read(path: Path, modified: int) -> Any:
     import meshio
     from meshio.abaqus import _abaqus
 
+    with path.open("rb") as file:
+        if file.read(len(codecs.BOM_UTF8)) == codecs.BOM_UTF8:
+            raise MeshError(f"{path}: begins with a byte-order mark, which no mesh has; save it as UTF-8 without one")
     if path.suffix.lower() == ".inp":
         _check_no_instances(path)
         _abaqus.abaqus_to_meshio_type.update(_PLANE_STRAIN)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return meshio.read(path)
+    except UnicodeDecodeError as error:
+        raise MeshError(f"{path}: is no UTF-8 text (byte {error.start}); save it in UTF-8") from None
+    except ModuleNotFoundError as missing:
+        remedy = f"install it with pip install {missing.name}, or export it as Gmsh .msh, Abaqus .inp or VTU"
+        raise MeshError(f"{path}: is read by {missing.name}, which is missing; {remedy}") from None
     except (Exception, SystemExit) as problem:
         why = " ".join(str(problem).split())[:200]
         raise MeshError(

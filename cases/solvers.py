@@ -30,7 +30,8 @@ class Solver:
     describe : "module:attribute" of the function from a case to its ``numerics.description.Description``
     by_points : its state is seen at points that move over a grid, not on a mesh
     table : in place of these three, "module:attribute" of a function from a case, its run merged in, to a
-        `pandas.DataFrame` with the columns of a history, or to that and a crack path (n, 2) [length]
+        `pandas.DataFrame` with the columns of a history, or to that and a crack path (n, 2) [length], or to these and
+        row -> `numerics.fields.Fields`, of the last of which an empty path is traced
     of_rigid_block : it knows a rigid block that rocks and nothing else; `quasi_static` is empty
     """
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from cases.material import Fracture
+from physics.roots import root
 
 #: directions over half a turn between which extremes and changes of sign are looked for
 _SAMPLES = 1440
@@ -159,5 +159,5 @@ def _zeros(function, samples: NDArray) -> NDArray:
     ends = np.append(samples, np.pi)
     values = function(ends)
     crossing = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    between = [brentq(function, ends[i], ends[i + 1], xtol=1e-12) for i in crossing]
+    between = [root(function, ends[i], ends[i + 1]) for i in crossing]
     return np.sort(np.concatenate([samples[values[:-1] == 0.0], between]))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from cases.material import Material
+from physics.roots import root
 
 
 def shear_speed(material: Material) -> float:
@@ -26,4 +26,4 @@ def rayleigh_speed(material: Material) -> float:
         return (2.0 - s) ** 2 - 4.0 * np.sqrt(1.0 - s) * np.sqrt(1.0 - ratio * s)
 
     # s = 0 is a root that means nothing
-    return shear_speed(material) * float(np.sqrt(brentq(out_of_balance, 1e-3, 1.0)))
+    return shear_speed(material) * float(np.sqrt(root(out_of_balance, 1e-3, 1.0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from matplotlib.ticker import NullFormatter
 from cases import CaseError, load_case
 from verify.metrics.curves import BROKEN_FRACTION, Curve, CurveError, peak_index
 
-from . import style
+from . import interactive, style
 from .results import READING_ERRORS, method_of, tells
 from .words import listed, metric_in_words, number
 
@@ -68,13 +69,17 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
         axes.legend(loc="best")
     tables = [run.history[["u", "F"]].assign(run=run.name) for run in runs]
     tables += [points.assign(run=f"published: {name}") for name, points in published]
-    return style.drawing(
+    drawn = style.drawing(
         figure, folder, "load-displacement", "Load and displacement",
         f"{'Work of the loads over their factor' if results.by_factor else 'Reaction force over displacement'}"
         f" of {listed(run.label for run in runs)}; "
         "a ring marks the peak of each run. " + _published_caption(results, published),
         pd.concat(tables)[["run", "u", "F"]],
     )
+    lines = [interactive.points(f"published: {name}", points["u"], points["F"]) for name, points in published]
+    for run in runs:
+        lines.append(interactive.line(run.label, colours[run.name], run.method.line, run.history["u"], run.history["F"]))
+    return replace(drawn, curves=interactive.Curves(drawn.title, f"u [{displacement}]", f"F [{force}]", lines))
 
 
 def _published_caption(results: CaseResults, published: list[tuple[str, pd.DataFrame]]) -> str:

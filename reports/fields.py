@@ -9,7 +9,6 @@ import pandas as pd
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from scipy.spatial import cKDTree
 
 from numerics.element_quality import scaled_jacobian
 
@@ -55,6 +54,8 @@ def point_image(
     case: Case, places: np.ndarray, values: np.ndarray
 ) -> tuple[np.ma.MaskedArray, tuple[float, float, float, float]]:
     """Return points as an image (rows, columns), masked outside the bodies, and its extent."""
+    from scipy.spatial import cKDTree
+
     lower, upper = (np.asarray(corner, dtype=float) for corner in case.bounding_box())
     pixel = (upper - lower).max() / PIXELS
     columns, rows = np.maximum(np.round((upper - lower) / pixel).astype(int), 1)
@@ -81,9 +82,9 @@ def paint_mesh(axes: Any, grid: GridState, **colours: Any) -> Any:
 def shown_displacements(results: CaseResults) -> list[float]:
     """Return the displacements to show: the case's snapshots, else the stored states of its runs."""
     wanted = list(results.case.output.snapshots) if results.case else []
-    stored = [u for run in results.main_runs() for u in run.stored]
-    wanted = wanted or sorted({float(f"{u:.4g}") for u in stored})
-    chosen = [u for u in wanted if any(run.nearest_stored(u) is not None for run in results.main_runs())]
+    runs = results.main_runs(LARGEST_ROWS)
+    stored = sorted({float(f"{u:.4g}") for run in runs for u in run.stored})
+    chosen = [u for u in wanted if any(run.nearest_stored(u) is not None for run in runs)] or stored
     if len(chosen) > LARGEST_SNAPSHOTS:
         chosen = [chosen[i] for i in np.linspace(0, len(chosen) - 1, LARGEST_SNAPSHOTS).round().astype(int)]
     return chosen

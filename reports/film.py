@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.spatial import cKDTree
 
 from verify.runs.frames import Frame, read_frames
 
@@ -47,6 +46,8 @@ class _View:
 
     def paint(self, places: np.ndarray, values: np.ndarray) -> np.ma.MaskedArray:
         """Image (rows, columns): the value of the nearest point, masked where there is none near or it is NaN."""
+        from scipy.spatial import cKDTree
+
         tree = cKDTree(places)
         to_neighbours, _ = tree.query(places[:: max(1, len(places) // 500)], k=[2])
         spacing = float(np.median(to_neighbours))

@@ -24,6 +24,8 @@ def judge(
     crack_path: np.ndarray | Path | str | None = None,
     *,
     tier: str | None = None,
+    fields: Path | str | None = None,
+    arrays: str = "",
     name: str = "",
     within: float | None = None,
     out: Path | str | None = None,
@@ -36,6 +38,8 @@ def judge(
     history : table, or CSV file, of force over displacement or of columns over time.
     map : its columns, units and signs as in `cases.mapping`: "u = U2, F = -2 * RF2 [N]".
     crack_path : array (n, 2) or CSV file x,y, from the start of the crack to its tip [case length unit].
+    fields : VTU, PVD, VTK, XDMF or Exodus file, from which the crack path follows where none is given.
+    arrays : which of its arrays are what, "damage = d, displacement = U"; found by their usual names without.
     tier : whose kept results it is held against, "standard" when not given.
     name : what it is called; the name of its file without.
     within : share that replaces the limits that the case sets on relative errors.
@@ -48,7 +52,8 @@ def judge(
     loaded = case if isinstance(case, Case) else load_case(case, tier)
     history = Path(history) if isinstance(history, str) else history
     crack_path = Path(crack_path) if isinstance(crack_path, str) else crack_path
+    fields = None if fields is None else Path(fields)
     folder = Path(out) if out is not None else DEFAULT_FOLDER / loaded.name
-    judged = judge_foreign(loaded, ForeignResult(history, map, crack_path, name, within), folder)
+    judged = judge_foreign(loaded, ForeignResult(history, map, crack_path, name, within, fields, arrays), folder)
     write_report(folder)
     return replace(judged, page=folder / "pages" / f"{slug(f'{loaded.name}-{loaded.tier}')}.html")

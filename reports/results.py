@@ -155,11 +155,13 @@ class RunResults:
     @lru_cache(maxsize=8)  # noqa: B019
     def grid(self, u: float) -> GridState:
         """Read the mesh or grid of the stored state nearest to ``u``."""
+        from verify.runs.vtk_files import grid_displacement
+
         mesh = self.folder.grid(u)
         return GridState(
             points=np.asarray(mesh.points)[:, :2],
             cells=np.asarray(next(iter(mesh.cells_dict.values()))),
-            displacement=np.asarray(mesh.point_data["displacement"])[:, :2],
+            displacement=grid_displacement(mesh),
             phase_field=np.asarray(mesh.point_data["phase_field"]),
         )
 

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from .interactive import Curves
     from .results import RunResults
 
 # Okabe and Ito's palette; black is kept for published points, yellow is too pale for lines on white.
@@ -57,13 +58,14 @@ SETTINGS: Any = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure on a page: ``file`` and ``data`` are names inside the page's figure folder."""
+    """A figure on a page: ``file`` and ``data`` are names inside the page's figure folder, ``curves`` its numbers."""
 
     name: str
     title: str
     caption: str
     file: str
     data: str | None = None
+    curves: Curves | None = None
 
 
 @dataclass(frozen=True)

@@ -392,6 +392,10 @@ def judge(
     crack_path: Annotated[
         Path | None, typer.Option("--crack-path", metavar="FILE", help="CSV file x,y from the crack's start to its tip")
     ] = None,
+    fields: Annotated[
+        Path | None, typer.Option("--fields", metavar="FILE", help="VTU, PVD, VTK, XDMF or Exodus file, for its crack")
+    ] = None,
+    arrays: Annotated[str, typer.Option("--arrays", help="what its arrays are: 'damage = d, displacement = U'")] = "",
     tier: TierOption = "standard",
     name: Annotated[str, typer.Option("--name", help="what the result is called; its file's name without")] = "",
     within: Annotated[
@@ -412,7 +416,9 @@ def judge(
     """
     from reports import judge as judge_and_draw
 
-    judged = judge_and_draw(case, history, columns, crack_path, tier=tier, name=name, within=within, out=out)
+    judged = judge_and_draw(
+        case, history, columns, crack_path, fields=fields, arrays=arrays, tier=tier, name=name, within=within, out=out
+    )
     console, summary = _console(), {"tier": tier, "cases": [judged.entry]}
     _print_problems(console, summary)
     for sentence in judged.remarks:

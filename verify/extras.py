@@ -6,11 +6,12 @@ from cases.errors import UserError
 
 #: extra of the package -> the modules that come with it
 EXTRAS = {
-    "solve": ("numba", "skfem"),
+    "solve": ("numba", "skfem", "scipy"),
     "mesh": ("netgen", "meshio"),
     "fields": ("pyvista", "vtkmodules", "vtk", "skimage"),
     "fast": ("pypardiso",),
     "dask": ("dask", "distributed"),
+    "easyfea": ("EasyFEA",),
 }
 
 

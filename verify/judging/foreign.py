@@ -6,18 +6,22 @@ import re
 import shlex
 import shutil
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from pydantic import ValidationError
 
 from cases import Case, Check, UserError, list_cases, load_case
 from cases.copies import write_copy
 from cases.errors import BrokenRuleError
+from cases.foreign_fields import ForeignFields, parse_arrays
 from cases.judging import Reference, merge
 from cases.loader import read_tables
 from cases.mapping import parse_mapping
+from cases.messages import case_error
 from cases.solvers import IMPORTED
 from verify.judging.judge import checks_of
 from verify.judging.summary import summarise, write_summary
@@ -48,6 +52,7 @@ class ForeignResult:
     """What is to be judged.
 
     history : CSV file or table. map : as in `cases.mapping`. crack_path : CSV file x,y or array (n, 2) [length].
+    fields : file of fields. arrays : which they are, "damage = d, displacement = U" (`cases.foreign_fields`).
     name : of the run; that of the file without. within : share that replaces the case's relative limits
     """
 
@@ -56,6 +61,8 @@ class ForeignResult:
     crack_path: Path | np.ndarray | None = None
     name: str = ""
     within: float | None = None
+    fields: Path | None = None
+    arrays: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,7 +91,13 @@ class Judgement:
         return pd.DataFrame(self.entry["checks"], columns=columns)
 
     def _repr_html_(self) -> str:
-        return f"<p><b>{self.entry['case']}: {self.verdict}</b></p>{self.checks.to_html(index=False)}"
+        from verify.runs.sketch import sketch
+
+        runs = {name: RunFolder(self.out / told["folder"]) for name, told in self.entry["runs"].items() if told["folder"]}
+        curves = {name: (run.history["u"], run.history["F"]) for name, run in runs.items()}
+        said = "".join(f"<li>{escape(remark)}</li>" for remark in self.remarks)
+        head = f"<p><b>{escape(self.entry['case'])}: {self.verdict}</b></p><ul>{said}</ul>"
+        return f"{head}{sketch(curves, 'u', 'F')}{self.checks.to_html(index=False)}"
 
 
 def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
@@ -118,12 +131,28 @@ def _require_readable(case: Case, foreign: ForeignResult) -> None:
     except BrokenRuleError as error:
         raise UserError(f"map: {(error.value or foreign.map)!r} {error.text}; {error.remedy}.") from None
     given = foreign.history
-    for file in (given, foreign.crack_path):
+    for file in (given, foreign.crack_path, foreign.fields):
         if isinstance(file, Path) and not file.is_file():
-            raise UserError(f"{file}: is no file; name a CSV file.")
+            kind = "a file of fields, such as VTU" if file is foreign.fields else "a CSV file"
+            raise UserError(f"{file}: is no file; name {kind}.")
     mapped(read_table(given) if isinstance(given, Path) else given, mapping, case, _called(given))
     if isinstance(foreign.crack_path, Path):
         read_path(foreign.crack_path)
+    if foreign.fields is not None:
+        _require_fields(foreign.fields, foreign.arrays, case)
+
+
+def _require_fields(file: Path, arrays: str, case: Case) -> None:
+    from verify.runs.foreign_fields import read_states
+
+    try:
+        tables = {"file": file.name, **parse_arrays(arrays)}
+        fields = ForeignFields.model_validate(tables, context={"folder": file.parent})
+    except BrokenRuleError as error:
+        raise UserError(f"arrays: {error.value!r} {error.text}; {error.remedy}.") from None
+    except ValidationError as error:
+        raise case_error(file, error, []) from None
+    read_states(fields.model_copy(update={"file": file}), case)
 
 
 def _command(case: Case, foreign: ForeignResult) -> str:
@@ -131,6 +160,8 @@ def _command(case: Case, foreign: ForeignResult) -> str:
     options = {"--map": foreign.map, "--tier": case.tier, "--name": foreign.name}
     if isinstance(foreign.crack_path, Path):
         options["--crack-path"] = str(foreign.crack_path)
+    if foreign.fields is not None:
+        options |= {"--fields": str(foreign.fields), "--arrays": foreign.arrays}
     if foreign.within is not None:
         options["--within"] = f"{foreign.within:g}"
     said = [word for pair in options.items() if pair[1] for word in pair]
@@ -183,6 +214,8 @@ def _run_table(foreign: ForeignResult, out: Path) -> dict[str, Any]:
         crack = foreign.crack_path
         given = crack if isinstance(crack, Path) else pd.DataFrame(np.reshape(crack, (-1, 2)), columns=["x", "y"])
         table["crack_path"] = _as_file(given, out, f"{foreign.name}_crack_path")
+    if foreign.fields is not None:
+        table["fields"] = {"file": str(foreign.fields.resolve()), **parse_arrays(foreign.arrays)}
     return table
 
 

@@ -7,14 +7,15 @@ every time at once, as the furthest broken point of its branch (Borden et al. 20
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
-from scipy.spatial import cKDTree
 
 from verify.metrics.crack_path import Array, resample, trace_tree
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 #: a branch is shorter than this many half widths of the crack: a bulge
 SHORTEST = 4.0
@@ -84,6 +85,8 @@ def branches(
     ways = trace_tree(points, phase_field, h, threshold, start, notch, SHORTEST)
     if not ways or not broken.any():
         return []
+    from scipy.spatial import cKDTree
+
     tree, when = cKDTree(points[broken]), broken_at[broken]
     lines = [resample(way, 0.5 * h) for way in ways]
     return [_branch(line, lines[:i] + lines[i + 1 :], tree, when, h) for i, line in enumerate(lines)]
@@ -109,6 +112,8 @@ def _times_met(by_others: NDArray, arrival: Array, along: Array, longest: float)
 
 def _parting(line: Array, other: Array, h: float) -> int:
     """Last place of a line that the other one shares with it."""
+    from scipy.spatial import cKDTree
+
     distance, _ = cKDTree(other).query(line)
     apart = np.flatnonzero(distance > h)
     return int(max(apart[0] - 1, 0)) if len(apart) else len(line) - 1
@@ -159,10 +164,14 @@ def fragments(
 def _pieces(points: Array, volume: NDArray, thickness: float, smallest: float) -> int:
     if not len(points):
         return 0
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     reach = LINK * np.sqrt(volume.max() / thickness)
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    links = sparse.coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(points),) * 2)
-    count, label = sparse.csgraph.connected_components(links, directed=False)
+    links = coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(points),) * 2)
+    count, label = connected_components(links, directed=False)
     return int((np.bincount(label, weights=volume, minlength=count) >= smallest).sum())
 
 
@@ -172,6 +181,8 @@ def enclosed(points: ArrayLike, broken: ArrayLike, h: float, least: float) -> in
     Each was closed by a branch that ran into another one's crack. points : (n, 2). broken : (n,) mask. h : a box of
     this size with a broken point is part of a crack [length].
     """
+    from scipy import ndimage
+
     where = np.asarray(points, dtype=float)[np.asarray(broken, dtype=bool)]
     if not len(where):
         return 0
@@ -189,6 +200,8 @@ def asymmetry(points: ArrayLike, values: ArrayLike, axis: int, middle: float) ->
     points : (n, 2). axis : 0 where x, 1 where y is mirrored about `middle` [length]. The image's value is that of the
     nearest point.
     """
+    from scipy.spatial import cKDTree
+
     points, values = np.asarray(points, dtype=float), np.asarray(values, dtype=float)
     image = points.copy()
     image[:, axis] = 2.0 * middle - image[:, axis]

@@ -13,13 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
-from scipy.interpolate import LinearNDInterpolator
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import QhullError, cKDTree
 
 if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
     from cases import Case
     from numerics.fields import Fields
 
@@ -187,6 +184,8 @@ class _Raster:
 
 def _rasterise(points: Array, phase_field: Array, broken: Mask, h: float) -> tuple[Field, _Raster]:
     """The field as a function of position, and its raster, both only in boxes around the broken points."""
+    from scipy.spatial import cKDTree
+
     tree = cKDTree(points)
     box = max(3.0 * h, 1.5 * float(_spacing(tree, points[broken]).max()))
     pixel = h / PIXELS_PER_CELL
@@ -205,6 +204,8 @@ def _rasterise(points: Array, phase_field: Array, broken: Mask, h: float) -> tup
 
 def _boxes_near(points: Array, origin: Array, box: float, extent: Array) -> Mask:
     """Boxes that hold one of the points, and the neighbours of these boxes."""
+    from scipy import ndimage
+
     near = np.zeros(tuple(np.ceil(extent / box).astype(int) + 1), dtype=bool)
     i, j = ((points - origin) / box).astype(int).T
     near[i, j] = True
@@ -221,6 +222,9 @@ def _in_boxes(positions: Array, near: Mask, origin: Array, box: float) -> Mask:
 
 def _interpolation(points: Array, values: Array, h: float) -> Field:
     """Linear interpolation that is NaN outside the bodies: off the hull or far from any point."""
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import QhullError, cKDTree
+
     centre = points.mean(axis=0)  # triangulated about the origin, for round-off
     try:
         linear = LinearNDInterpolator(points - centre, values)
@@ -256,6 +260,8 @@ def _beside(positions: Array, notch: Array, width: float) -> Mask:
 
 def _main_piece(mask: Mask, raster: _Raster, start: Array | None) -> Mask:
     """The connected piece to trace; of equally large ones always the same."""
+    from scipy import ndimage
+
     labels, count = ndimage.label(mask, np.ones((3, 3)))
     if count <= 1:
         return mask
@@ -278,6 +284,8 @@ class _Skeleton:
     """
 
     def __init__(self, mask: Mask, raster: _Raster) -> None:
+        from scipy import ndimage
+        from scipy.sparse import csr_array
         from skimage.morphology import skeletonize  # only fields need it, and it is slow to import
 
         skeleton = skeletonize(np.pad(mask, 1))[1:-1, 1:-1]
@@ -298,6 +306,8 @@ class _Skeleton:
 
     def _distances(self, sources: list[int]) -> tuple[Array, NDArray[np.int32]]:
         """Way from the nearest source to every node (-1: none), and the node before it on that way."""
+        from scipy.sparse.csgraph import dijkstra
+
         distance, previous, _ = dijkstra(
             self.graph, directed=False, indices=sources, return_predecessors=True, min_only=True
         )
@@ -449,6 +459,8 @@ def _begin_at(line: Array, start: Array | None, reach: float) -> Array:
 
 def _normals(line: Array, vertices: float) -> Array:
     """Unit normals, smoothed over a number of vertices."""
+    from scipy import ndimage
+
     tangent = ndimage.gaussian_filter1d(np.gradient(line, axis=0), vertices, axis=0, mode="nearest")
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), np.finfo(float).tiny)
     return np.column_stack([-tangent[:, 1], tangent[:, 0]])

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from cases import Case
 from cases.notches import Segment
@@ -199,6 +198,8 @@ def _pieces(case: Case, fields: Fields, body: int) -> int:
 
 def _connected(places: NDArray) -> int:
     """Connected groups of the unit cells that places (n, 2) lie in, across corners too."""
+    from scipy.ndimage import label
+
     cells = np.unique(np.floor(places + _ASIDE).astype(np.int64), axis=0)
     size = np.ptp(cells, axis=0) + 1
     if np.prod(size, dtype=float) > _MOST_CELLS:

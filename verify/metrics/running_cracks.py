@@ -6,7 +6,6 @@ import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from physics.broken import BROKEN
 from physics.waves import rayleigh_speed
@@ -78,6 +77,8 @@ def initiation_time(run: RunData) -> float:
     points = _plane(data)
     late = broken_at > 0.0
     if (broken_at == 0.0).any():
+        from scipy.spatial import cKDTree
+
         distance, _ = cKDTree(points[broken_at == 0.0]).query(points)
         late &= distance >= _length_scale(run.case)
     if not late.any():

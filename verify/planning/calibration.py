@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import least_squares, nnls
 
 from cases import Case, CaseError
 from cases.solvers import SOLVERS
@@ -252,6 +251,8 @@ def _coefficients(shapes: list[dict[str, float]], values: pd.Series, weight: pd.
 
     Begins with those of the least relative errors, which have one minimum.
     """
+    from scipy.optimize import least_squares, nnls
+
     table, share = pd.DataFrame(shapes), np.sqrt(weight.to_numpy(float))
     table = table.loc[:, (table != 0.0).any()]
     scaled = table.to_numpy(float) / values.to_numpy(float)[:, None]

@@ -4,35 +4,61 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from cases import Case, UserError
+from cases import Case
 from cases.errors import BrokenRuleError
 from cases.judging import Foreign
 from cases.mapping import DAMAGE, FORCE_LIKE, KINDS_OF_COLUMNS, Mapping, Source, parse_mapping, unit_factor
 from cases.table import nearest
+from verify.runs.imported_error import ImportedError, listed
 from verify.runs.run_folder import HISTORY_COLUMNS
+
+if TYPE_CHECKING:
+    from numerics.fields import Fields
 
 #: columns of a history that count the work of our own solvers
 _COUNTS = ("staggered", "newton", "seconds")
 #: a column that carries its unit in its name: "u_mm", "F [kN]"
 _WITH_UNIT = re.compile(r"(?P<name>[A-Za-z]\w*?)(?:_(?P<plain>[A-Za-zµ]+)|\s*[\[(](?P<unit>[^\])]+)[\])])")
-_MOST_SHOWN = 30
 
 
-class ImportedError(UserError):
-    """A result from elsewhere that cannot be read; its text is one sentence that lists what was found."""
+def read_foreign(case: Case) -> tuple[pd.DataFrame, np.ndarray, dict[int, Fields]]:
+    """Table, crack path (n, 2) and row -> fields of the imported run of a case, as its files have them.
 
-
-def read_foreign(case: Case) -> tuple[pd.DataFrame, np.ndarray]:
-    """Table and crack path (n, 2) of the imported run of a case, as the files have them; raises ImportedError."""
+    Raises ImportedError.
+    """
     foreign = _foreign(case)
     assert foreign is not None
-    return read_table(foreign.history), read_path(foreign.crack_path) if foreign.crack_path else np.empty((0, 2))
+    table = read_table(foreign.history)
+    path = read_path(foreign.crack_path) if foreign.crack_path else np.empty((0, 2))
+    return table, path, _states(foreign, table, case)
+
+
+def _states(foreign: Foreign, table: pd.DataFrame, case: Case) -> dict[int, Fields]:
+    """Row of the table -> fields there: by the column of time, row by row, or those of the end."""
+    if foreign.fields is None:
+        return {}
+    from verify.runs.foreign_fields import read_states
+
+    history = history_of(table, case)
+    states = read_states(foreign.fields, case)
+    timed = "time" in {**_named(table, case), **parse_mapping(foreign.map).sources}
+    if len(states) == 1:
+        return {len(history) - 1: states[0][1]}
+    if timed:
+        times = history["time"].to_numpy(float)
+        return {int(np.abs(times - (time or 0.0)).argmin()): state for time, state in states}
+    if len(states) == len(history):
+        return {row: state for row, (_, state) in enumerate(states)}
+    raise ImportedError(
+        f"{foreign.fields.file}: holds {len(states)} states and {foreign.history.name} {len(history)} rows without a"
+        " column of time, so that it cannot be told at which u they were; map time, or give the file of the last state."
+    )
 
 
 def history_of(table: pd.DataFrame, case: Case) -> pd.DataFrame:
@@ -103,23 +129,17 @@ def _require_table(path: Path, header: list[str], values: list[list[str]]) -> No
         raise ImportedError(f"{path}: has no rows under its header {', '.join(header)}; give one for each state.")
     for number, row in enumerate(values, 1):
         if len(row) != len(header):
-            said = f"row {number} has {len(row)} cells and the header {len(header)} ({_listed(header)})"
+            said = f"row {number} has {len(row)} cells and the header {len(header)} ({listed(header)})"
             raise ImportedError(f"{path}: {said}; correct it, and write decimals with a point.")
     if len(set(header)) < len(header):
-        raise ImportedError(f"{path}: names a column twice ({_listed(header)}); rename one.")
-
-
-def _listed(names: Iterable[object]) -> str:
-    known = list(map(str, names))
-    more = f" and {len(known) - _MOST_SHOWN} more" if len(known) > _MOST_SHOWN else ""
-    return ", ".join(known[:_MOST_SHOWN]) + more
+        raise ImportedError(f"{path}: names a column twice ({listed(header)}); rename one.")
 
 
 def read_path(path: Path) -> np.ndarray:
     """Crack path (n, 2) of a CSV file with the columns x and y, from the start of the crack to its tip [length]."""
     table = read_table(path)
     if not {"x", "y"} <= set(table.columns):
-        raise ImportedError(f"{path}: has no columns x and y; it has {_listed(table.columns)}.")
+        raise ImportedError(f"{path}: has no columns x and y; it has {listed(table.columns)}.")
     points = table[["x", "y"]].to_numpy(dtype=float)
     bad = ~np.isfinite(points).all(axis=1)
     if bad.any():
@@ -165,7 +185,7 @@ def _named(table: pd.DataFrame, case: Case) -> dict[str, Source]:
 def _values(table: pd.DataFrame, target: str, source: Source, case: Case, file: str) -> np.ndarray:
     if source.column not in table:
         remedy = nearest(source.column, list(map(str, table.columns)), "").partition(" (")[0]
-        said = f"has no column {source.column!r} for {target}; it has {_listed(table)}"
+        said = f"has no column {source.column!r} for {target}; it has {listed(table)}"
         raise ImportedError(f"{file}: {said}{'; ' if remedy else ''}{remedy}.")
     values = table[source.column].to_numpy(dtype=float)
     bad = ~np.isfinite(values)
@@ -202,7 +222,7 @@ def _require_curve(columns: dict[str, np.ndarray], table: pd.DataFrame, file: st
         names = " and ".join(missing)
         example = ", ".join(f"{name} = COLUMN" for name in missing)
         raise ImportedError(
-            f'{file}: no column is {names}; say which with a map such as "{example}"; it has {_listed(table.columns)}.'
+            f'{file}: no column is {names}; say which with a map such as "{example}"; it has {listed(table.columns)}.'
         )
     if len(table) < 2:
         raise ImportedError(f"{file}: has one row, of which there is no curve; give one for each state.")

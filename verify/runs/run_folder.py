@@ -18,6 +18,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -241,6 +242,11 @@ class RunFolder:
             raise self._damaged(file, "holds no mesh")
         return mesh.copy()
 
+    def _points(self, file: str) -> "pyvista.UnstructuredGrid":
+        from verify.runs.vtk_files import with_all_point_data
+
+        return with_all_point_data(self._mesh(file))
+
     def _nearest(self, u: float | None) -> pd.Series:
         if self.index.empty and self.info["increments"]:
             raise NotGivenError(f"run {self.info['run']}: has no fields, a history and a crack path are all there is")
@@ -252,11 +258,11 @@ class RunFolder:
     def snapshots(self) -> Iterator[Snapshot]:
         """All snapshots in the order of the run, the last state last."""
         for _, row in self.index.iterrows():
-            yield Snapshot(float(row["u"]), int(row["step"]), self._mesh(row["points_file"]))
+            yield Snapshot(float(row["u"]), int(row["step"]), self._points(row["points_file"]))
 
     def points(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
         """Integration points of the snapshot nearest to displacement ``u``; the last state without it."""
-        return self._mesh(self._nearest(u)["points_file"])
+        return self._points(self._nearest(u)["points_file"])
 
     def grid(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
         """Grid or mesh of the snapshot nearest to displacement ``u``; the last state without it."""
@@ -267,6 +273,20 @@ class RunFolder:
         from verify.runs.vtk_files import fields_of
 
         return fields_of(self.points(u), self.grid(u))
+
+    def _repr_html_(self) -> str:
+        """How it ended and its curve, in a notebook."""
+        from verify.runs.sketch import sketch
+
+        info, history = self.info, self.history
+        over = "time" if history["u"].equals(history["time"]) else "u"
+        told = f"{info['case']}, tier {info['tier']}, run {info['run']}: {info['status']}"
+        seconds = info.get("seconds", {}).get("total", 0.0)
+        curve = sketch({info["run"]: (history[over], history["F"])}, over, "F")
+        return (
+            f"<p><b>{escape(told)}</b> {escape(info['reason'])}<br>{len(history)} increments, {seconds:.3g} s,"
+            f" largest |F| {history['F'].abs().max():.5g}</p>{curve}"
+        )
 
     @property
     def checkpoint(self) -> Checkpoint:

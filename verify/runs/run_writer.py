@@ -148,7 +148,7 @@ class RunWriter(Listener):
         self.append(record.row())
         self._last = record
         if self._snapshot_due(before, record.u):
-            self._write_snapshot(discretisation.fields())
+            self._write_snapshot(record.step, record.u, discretisation.fields())
 
     def append(self, row: Mapping[str, float]) -> None:
         """Append a row to the history, below its columns' names."""
@@ -166,15 +166,14 @@ class RunWriter(Listener):
         self._pending = [u for u in self._pending if u not in reached]
         return bool(reached)
 
-    def _write_snapshot(self, fields: "Fields") -> None:
+    def _write_snapshot(self, step: int, u: float, fields: "Fields") -> None:
         from verify.runs.vtk_files import grid_mesh, points_mesh, write_mesh
 
-        assert self._last is not None
         number = len(self._index)
         points_file, grid_file = f"fields/points_{number:04d}.vtu", f"fields/grid_{number:04d}.vtu"
         write_file(self.partial / points_file, lambda path: write_mesh(points_mesh(fields), path))
         write_file(self.partial / grid_file, lambda path: write_mesh(grid_mesh(fields), path))
-        self._index.append((number, self._last.step, self._last.u, points_file, grid_file))
+        self._index.append((number, step, u, points_file, grid_file))
         self._write_indices()
 
     def _write_indices(self) -> None:
@@ -197,7 +196,11 @@ class RunWriter(Listener):
     def finish(self, discretisation: ObservedDiscretisation, fields: "Fields") -> None:
         """Write the last good state as the last snapshot."""
         if self._last is not None and (not self._index or self._index[-1][1] != self._last.step):
-            self._write_snapshot(fields)
+            self._write_snapshot(self._last.step, self._last.u, fields)
+
+    def add_state(self, row: Mapping[str, float], fields: "Fields") -> None:
+        """Write fields that belong to a row of the history."""
+        self._write_snapshot(int(row["step"]), float(row["u"]), fields)
 
     def _close_history(self) -> None:
         if self._history is not None:
@@ -244,15 +247,24 @@ class RunWriter(Listener):
         return {file: file_checksum(self.partial / file) for file in files}
 
 
-def write_run(folder: Path, history: pd.DataFrame, crack_path: np.ndarray, info: dict[str, Any]) -> None:
-    """Write the folder of a run of which a table of its history and a crack path (n, 2) are all there is.
+def write_run(
+    folder: Path,
+    history: pd.DataFrame,
+    crack_path: np.ndarray,
+    info: dict[str, Any],
+    states: "Mapping[int, Fields] | None" = None,
+) -> None:
+    """Write the folder of a run of which a table of its history, a crack path (n, 2) and some fields are all there is.
 
-    info : contents of run.json, as in `RunWriter.close`
+    info : contents of run.json, as in `RunWriter.close`. states : row of the history -> fields
     """
     with RunWriter(folder) as files:
         files.start(None, "")
-        for row in history.to_dict("records"):
-            files.append({str(name): value for name, value in row.items()})
+        for number, row in enumerate(history.to_dict("records")):
+            named = {str(name): value for name, value in row.items()}
+            files.append(named)
+            if states and number in states:
+                files.add_state(named, states[number])
         files.close(info, crack_path)
 
 

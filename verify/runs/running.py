@@ -5,7 +5,7 @@ import os
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -151,18 +151,33 @@ def tabulate(case: Case, run_name: str, folder: Path) -> RunFolder:
     """
     module, _, name = SOLVERS[case.run_spec(run_name).solver].table.partition(":")
     info, table, path = _Attempt(case, run_name, None, ()).info(), pd.DataFrame(), np.empty((0, 2))
+    states: dict[int, Fields] = {}
     started = time.perf_counter()
     try:
         made = getattr(import_module(module), name)(case)
-        table, path = made if isinstance(made, tuple) else (made, path)
+        table, path, states, *_ = (*made, {}) if isinstance(made, tuple) else (made, path, {})
         table = history_of(table, case)
+        path = _traced(states, case) if len(path) == 0 else path
+        for row, state in states.items() if table["c_min"].isna().all() else ():
+            table.loc[row, "c_min"] = state.grid_phase_field.min()
     except UserError:
         raise
+    except ModuleNotFoundError as error:
+        raise missing_extra(error) or error from error
     except Exception as error:
         info |= {"status": as_expected(RunStatus.FAILED, case, run_name), "reason": _one_line(error)}
     info["seconds"] = {"total": round(time.perf_counter() - started, 4)}
-    write_run(folder, table, path, info)
+    write_run(folder, table, path, info, states)
     return RunFolder(folder)
+
+
+def _traced(states: "Mapping[int, Fields]", case: Case) -> np.ndarray:
+    """The crack path (n, 2) of the last state of a table's run; none without fields."""
+    if not states:
+        return np.empty((0, 2))
+    from verify.metrics.crack_path import crack_path
+
+    return crack_path(states[max(states)], case)
 
 
 def _compute(

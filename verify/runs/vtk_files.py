@@ -44,10 +44,23 @@ def points_mesh(fields: Fields) -> pyvista.UnstructuredGrid:
     mesh = pyvista.UnstructuredGrid(cells, types, _in_space(fields.points))
     for name in POINT_DATA:
         values = np.asarray(getattr(fields, name))
+        if np.isnan(values).all():  # a result from elsewhere need not have it, and VTK cannot read a range that is none
+            continue
         mesh.point_data[name] = _in_space(values) if name in PLANE_VECTORS else values
     if fields.broken_at is not None:
         mesh.point_data["broken_at"] = fields.broken_at
-    mesh.point_data["hydrostatic_stress"] = hydrostatic_stress(np.asarray(fields.stress))
+    if "stress" in mesh.point_data:
+        mesh.point_data["hydrostatic_stress"] = hydrostatic_stress(np.asarray(fields.stress))
+    return mesh
+
+
+def with_all_point_data(mesh: pyvista.UnstructuredGrid) -> pyvista.UnstructuredGrid:
+    """The mesh of `points_mesh` as it was read, with NaN for what it does not hold."""
+    components = {"reference": 3, "displacement": 3, "gradient": 4, "stress": 3}
+    for name in (*POINT_DATA, "hydrostatic_stress"):
+        if name not in mesh.point_data:
+            shape = (mesh.n_points, components[name]) if name in components else mesh.n_points
+            mesh.point_data[name] = np.full(shape, np.nan)
     return mesh
 
 
@@ -57,7 +70,8 @@ def grid_mesh(fields: Fields) -> pyvista.UnstructuredGrid:
     cells = np.column_stack([np.full(number, corners, dtype=np.int64), fields.grid_cells]).ravel()
     types = np.full(number, CELL_TYPES[corners], dtype=np.uint8)
     mesh = pyvista.UnstructuredGrid(cells, types, _in_space(fields.grid_points))
-    mesh.point_data["displacement"] = _in_space(fields.grid_displacement)
+    if not np.isnan(fields.grid_displacement).all():
+        mesh.point_data["displacement"] = _in_space(fields.grid_displacement)
     mesh.point_data["phase_field"] = np.asarray(fields.grid_phase_field)
     return mesh
 
@@ -70,9 +84,16 @@ def fields_of(points: pyvista.UnstructuredGrid, grid: pyvista.UnstructuredGrid) 
     values["points"] = np.asarray(points.points)[:, :2]
     values["grid_points"] = np.asarray(grid.points)[:, :2]
     values["grid_cells"] = next(iter(grid.cells_dict.values()))
-    values["grid_displacement"] = np.asarray(grid.point_data["displacement"])[:, :2]
+    values["grid_displacement"] = grid_displacement(grid)
     values["grid_phase_field"] = np.asarray(grid.point_data["phase_field"])
     return Fields(**{field.name: values[field.name] for field in dataclass_fields(Fields)})
+
+
+def grid_displacement(grid: pyvista.UnstructuredGrid) -> np.ndarray:
+    """Nodal displacement (m, 2) of the mesh of `grid_mesh`, NaN where it has none."""
+    if "displacement" not in grid.point_data:
+        return np.full((grid.n_points, 2), np.nan)
+    return np.asarray(grid.point_data["displacement"])[:, :2]
 
 
 def write_mesh(mesh: pyvista.UnstructuredGrid, path: Path) -> None:

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import linregress
 
 from cases import Case, CaseError
 from cases.judging import merge, nest
@@ -126,6 +125,8 @@ def powers(table: pd.DataFrame) -> pd.DataFrame:
 
     A fit needs three cells with an error at positive numbers.
     """
+    from scipy.stats import linregress
+
     rows = []
     for y, row in table[table["error"] > 0.0].groupby("y", sort=False):
         fit: tuple[float, float] = (math.nan, math.nan)
