@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cases import Case, CaseError
 
-from . import exact_motion
+from . import exact_motion, exact_plates
 from .elasticity import MaterialTable, in_plane_stiffness
 from .surface_energy import SurfaceEnergy, profile
 
@@ -144,6 +144,17 @@ SOLUTIONS: dict[str, ExactSolution] = {
         stress=exact_motion.spinning_stress,
     ),
     "sliding_block": ExactSolution(values={"travel": exact_motion.sliding_distance}),
+    "brazilian_disc": ExactSolution(
+        values={"stress_concentration": exact_plates.disc_concentration, "peak_force": exact_plates.disc_strength}
+    ),
+    "bimaterial_strip": ExactSolution(
+        values={"energy_release_rate": exact_plates.strip_release_rate, "stress_at": exact_plates.strip_stress}
+    ),
+    "double_edge_notch": ExactSolution(
+        values={
+            "geometry_factor": exact_plates.double_edge_geometry_factor, "peak_force": exact_plates.double_edge_strength,
+        }
+    ),
     "line_contact": ExactSolution(
         values={
             "contact_half_width": exact_motion.contact_half_width, "peak_pressure": exact_motion.peak_pressure,
