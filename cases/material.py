@@ -75,6 +75,8 @@ class Fracture(Table):
     split : how the elastic energy is divided into a part that drives the crack and one that does not; "orthogonal"
         parts the strain by the principal values of C^(1/2) strain, for any stiffness C, in quasi-static cases;
         "spectral" takes the principal strains of the plane, "spectral_plane_stress" the third one with them
+    functional : of Ambrosio and Tortorelli: "AT2" with the crack density above; "AT1" with Gc [3 (1-c)/(16 l0) +
+        3/4 l0 |∇c|²], below whose threshold c stays 1, in quasi-static cases of order 2
     order : of the equation for the phase field; 4 has the last term of the crack density, 2 has not
     gamma : that term, only with order 4
     orientation : of the material's axis 1, counter-clockwise from the x axis [degrees], only with order 4
@@ -84,6 +86,7 @@ class Fracture(Table):
     length_scale: Annotated[Length, Field(gt=0)]
     residual_stiffness: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     split: SplitName = "spectral"
+    functional: Literal["AT1", "AT2"] = "AT2"
     order: Literal[2, 4] = 2
     gamma: Gamma = Field(default_factory=lambda: Gamma(**_ISOTROPIC))
     orientation: Number = 0.0
@@ -93,6 +96,8 @@ class Fracture(Table):
         for key in ("gamma", "orientation"):
             if self.order == 2 and key in self.model_fields_set:
                 raise BrokenRuleError("has no effect with order 2", "set order = 4 or remove it", key)
+        if self.order == 4 and self.functional == "AT1":
+            raise BrokenRuleError("is of order 2", 'set order = 2, or give "AT2"', "functional", self.functional)
         return self
 
 

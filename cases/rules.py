@@ -163,6 +163,10 @@ def _stiffnesses_apply(case: CaseDescription) -> None:
             remedy = "give another split, or the table load instead of dynamics"
             key = f"materials.{name}.fracture.split"
             raise BrokenRuleError("applies in quasi-static cases only", remedy, key, fracture.split)
+        if fracture is not None and fracture.functional == "AT1":
+            remedy = 'give "AT2", or the table load instead of dynamics'
+            key = f"materials.{name}.fracture.functional"
+            raise BrokenRuleError("applies in quasi-static cases only", remedy, key, fracture.functional)
 
 
 def _length_scales_are_resolved(case: CaseDescription) -> None:

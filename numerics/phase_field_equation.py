@@ -9,8 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .costs import Costs
-from .linear_solvers import linear_solver
+from .linear_solvers import LinearSolverError, linear_solver
 from .sparse_pattern import LocalSystems, SymmetricPattern, gather_vector
+
+#: distance from the bound, and from balance over the stiffness, that is round-off
+AT_BOUND = 1e-12
+#: solves for the unknowns at the bound; a crack's flanks set out from it a cell a time
+LARGEST_SETS = 500
 
 
 class PhaseFieldTerms(NamedTuple):
@@ -46,10 +51,11 @@ class PhaseFieldEquation:
     ----------
     cells : (n_cells, k) unknowns of each cell.
     free : (n_unknowns,) those to be solved for; the others keep their values.
+    is_bounded : no unknown may be above 1, which equations without a restoring term do not see to by themselves.
     """
 
-    def __init__(self, cells: NDArray, free: NDArray, costs: Costs) -> None:
-        self._free = free
+    def __init__(self, cells: NDArray, free: NDArray, costs: Costs, is_bounded: bool = False) -> None:
+        self._free, self._is_bounded = free, is_bounded
         numbers = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
         self._equations = numbers[cells]
         self.size = int(free.sum())
@@ -69,5 +75,29 @@ class PhaseFieldEquation:
         right_side = gather_vector(self._equations, self.systems.vectors, self.size)
         values = guard(self._pattern, self._pattern.gather(self.systems.matrices))
         corrected = nodal.copy()
-        corrected[self._free] += self._solver.solve(values, right_side)
+        if self._is_bounded:
+            corrected[self._free] += self._bounded_correction(values, right_side, 1.0 - nodal[self._free])
+        else:
+            corrected[self._free] += self._solver.solve(values, right_side)
         return corrected
+
+    def _bounded_correction(self, values: NDArray, right_side: NDArray, room: NDArray) -> NDArray:
+        """Correction (size,) that is no more than the room (size,): active sets of Hintermüller, Ito and Kunisch (2002).
+
+        doi 10.1137/S1052623401383558. Unknowns at the bound stay there while the equations push them further.
+        """
+        matrix, diagonal = self._pattern.full(values), self._pattern.diagonal
+        rows = np.repeat(np.arange(self.size), np.diff(self._pattern.indptr))
+        columns = self._pattern.indices
+        stiffness = values[diagonal]
+        held = (room <= AT_BOUND) & (right_side > 0.0)
+        for _ in range(LARGEST_SETS):
+            correction = np.where(held, room, 0.0)
+            rest = np.where(held, 0.0, right_side - matrix @ correction)
+            apart = np.where((held[rows] | held[columns]) & (rows != columns), 0.0, values)
+            correction += self._solver.solve(apart, rest)
+            push = right_side - matrix @ correction
+            held, before = np.where(held, push > -AT_BOUND * stiffness, correction > room + AT_BOUND), held
+            if np.array_equal(held, before):
+                return correction
+        raise LinearSolverError(f"no set of unknowns at the bound of the phase field was found in {LARGEST_SETS} solves")

@@ -92,7 +92,8 @@ class MaterialTable:
     ``stiffness`` (n_bodies, 3, 3) takes in-plane strains to stresses in the axes x and y; ``lame_lambda`` and
     ``shear_modulus`` are the in-plane constants of isotropic bodies, not a number for others. Bodies that cannot break
     have ``breakable`` False and harmless placeholders for toughness and length scale; a static case may give no
-    density. ``curvature`` (n_bodies, 3, 3) are the operators of `curvature_operator`, zero but where ``fourth_order``.
+    density. ``is_linear`` are those of the functional AT1. ``curvature`` (n_bodies, 3, 3) are the operators of
+    `curvature_operator`, zero but where ``fourth_order``.
     """
 
     def __init__(self, case: Case) -> None:
@@ -109,5 +110,6 @@ class MaterialTable:
         self.toughness = np.array([f.toughness if f else 1.0 for f in fractures])
         self.length_scale = np.array([f.length_scale if f else 1.0 for f in fractures])
         self.residual_stiffness = np.array([f.residual_stiffness if f else 0.0 for f in fractures])
+        self.is_linear = np.array([f is not None and f.functional == "AT1" for f in fractures])
         self.fourth_order = np.array([f is not None and f.order == 4 for f in fractures])
         self.curvature = np.array([curvature_operator(f) for f in fractures])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cases import Case, CaseError
 
-from . import exact_motion
+from . import exact_motion, exact_plates
 from .elasticity import MaterialTable, in_plane_stiffness
 from .surface_energy import SurfaceEnergy, profile
 
@@ -92,8 +92,13 @@ _UPRIGHT = 0.5 * np.pi
 
 
 def _crack_profile(case: Case, points: NDArray, load: float) -> NDArray:
-    """Phase field beside a crack at x = 0, the end of the bar far away: c = 1 - exp(-x / (2 l0)), or that of order 4."""
+    """Phase field beside a crack at x = 0, the end of the bar far away: c = 1 - exp(-x / (2 l0)), or that of order 4.
+
+    With AT1 it is c = 1 - (1 - x / (4 l0))^2, whole from 4 l0 on.
+    """
     fracture = _first_material(case).fracture
+    if fracture.functional == "AT1":
+        return 1.0 - np.maximum(0.0, 1.0 - points[:, 0] / (4.0 * fracture.length_scale)) ** 2
     gamma = float(SurfaceEnergy.of(fracture).directional_gamma(_UPRIGHT))
     return profile(points[:, 0] / fracture.length_scale, gamma)[0]
 
@@ -120,10 +125,16 @@ def _bar_modulus(case: Case) -> float:
 
 
 def _bar_phase_field(case: Case, load: float) -> float:
-    """c = 1 / (1 + 4 l0 H / Gc) with H = E strain^2 / 2, all energy degraded, uniaxial stress, k_f = 0."""
-    material = _first_material(case)
+    """c = 1 / (1 + 4 l0 H / Gc) with H = E strain^2 / 2, all energy degraded, uniaxial stress, k_f = 0.
+
+    With AT1 it is 1 up to H = 3 Gc / (32 l0), that is, to the stress sqrt(3 Gc E / (16 l0)), and falls as 1 / H.
+    """
+    fracture = _first_material(case).fracture
     history_field = 0.5 * _bar_modulus(case) * _bar_strain(case, load) ** 2
-    return 1.0 / (1.0 + 4.0 * material.fracture.length_scale * history_field / material.fracture.toughness)
+    if fracture.functional == "AT1":
+        threshold = 3.0 * fracture.toughness / (32.0 * fracture.length_scale)
+        return min(1.0, threshold / history_field) if history_field else 1.0
+    return 1.0 / (1.0 + 4.0 * fracture.length_scale * history_field / fracture.toughness)
 
 
 def _bar_force(case: Case, load: float) -> float:
@@ -144,6 +155,17 @@ SOLUTIONS: dict[str, ExactSolution] = {
         stress=exact_motion.spinning_stress,
     ),
     "sliding_block": ExactSolution(values={"travel": exact_motion.sliding_distance}),
+    "brazilian_disc": ExactSolution(
+        values={"stress_concentration": exact_plates.disc_concentration, "peak_force": exact_plates.disc_strength}
+    ),
+    "bimaterial_strip": ExactSolution(
+        values={"energy_release_rate": exact_plates.strip_release_rate, "stress_at": exact_plates.strip_stress}
+    ),
+    "double_edge_notch": ExactSolution(
+        values={
+            "geometry_factor": exact_plates.double_edge_geometry_factor, "peak_force": exact_plates.double_edge_strength,
+        }
+    ),
     "line_contact": ExactSolution(
         values={
             "contact_half_width": exact_motion.contact_half_width, "peak_pressure": exact_motion.peak_pressure,

@@ -5,7 +5,10 @@ form of Eq. 2.58, weighted by Gc / (2 l0), so that bodies of different toughness
 
     [2 (1 - k_f) H + Gc / (2 l0)] c  -  div(2 Gc l0 grad c)  +  2 Gc l0^3 gamma_ijkl c,ijkl  =  Gc / (2 l0)
 
-whose last term on the left is that of materials of order 4 alone.
+whose last term on the left is that of materials of order 4 alone. That is the functional AT2. With AT1 (Pham et al.
+2011, doi 10.1177/1056789510386852; their length is 2 l0) it is, under the bound c <= 1,
+
+    2 (1 - k_f) H c  -  div(3/2 Gc l0 grad c)  =  3 Gc / (16 l0)
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.material import Fracture
 
 from .broken import BROKEN
 from .elasticity import MaterialTable
@@ -38,6 +42,11 @@ def crack_density(
     return density + length_scale**3 * curvature_squared
 
 
+def linear_crack_density(phase_field: NDArray, gradient_squared: NDArray, length_scale: NDArray) -> NDArray:
+    """Z_c = 3 (1 - c) / (16 l0) + 3/4 l0 |grad c|^2 [1/length] of the functional AT1."""
+    return 3.0 * (1.0 - phase_field) / (16.0 * length_scale) + 0.75 * length_scale * gradient_squared
+
+
 @register_jitable
 def expected_change(phase_field, history_field, solved_for, drive, resistance):
     """How much the phase field, found for one history field [stress], would change for another where it has no gradient.
@@ -53,6 +62,15 @@ def breaks_now(phase_field, broken_at):
     return (phase_field < BROKEN) & np.isnan(broken_at)
 
 
+def seen_toughness(fracture: Fracture, h: float) -> float:
+    """Gc (1 + h / (4 l0)): what cells of size h make of the toughness (Bourdin, Francfort and Marigo 2008).
+
+    With AT1 it is Gc (1 + 3 h / (16 l0)).
+    """
+    share = 3.0 / 16.0 if fracture.functional == "AT1" else 0.25
+    return fracture.toughness * (1.0 + share * h / fracture.length_scale)
+
+
 def update_history(committed: NDArray, tensile_energy: NDArray) -> NDArray:
     """H = max over time of psi_plus (Eq. 2.59) [stress]."""
     return np.maximum(committed, tensile_energy)
@@ -66,13 +84,21 @@ class PhaseFieldCoefficients:
         self.length_scale = materials.length_scale[body]
         self.residual_stiffness = materials.residual_stiffness[body]
         self.drive = np.where(materials.breakable[body], 2.0 * (1.0 - self.residual_stiffness), 0.0)
-        self.resistance = self.toughness / (2.0 * self.length_scale)
-        self.diffusion = 2.0 * self.toughness * self.length_scale
+        self.is_linear = materials.is_linear[body]
+        share = np.where(self.is_linear, 3.0 / 16.0, 0.5)
+        self.resistance = share * self.toughness / self.length_scale
+        self.diffusion = np.where(self.is_linear, 1.5, 2.0) * self.toughness * self.length_scale
         self.bending = np.where(materials.fourth_order[body], 2.0 * self.toughness * self.length_scale**3, 0.0)
 
     def reaction(self, history_field: NDArray) -> NDArray:
         """Factor of c in the equation [stress], from the history field (n,) [stress]."""
-        return self.drive * history_field + self.resistance
+        return self.drive * history_field + np.where(self.is_linear, 0.0, self.resistance)
+
+    def energy_density(self, value: NDArray, slope_squared: NDArray, curvature_squared: NDArray) -> NDArray:
+        """Gc times the crack density [stress], the arguments those of `crack_density`."""
+        quadratic = crack_density(value, slope_squared, self.length_scale, curvature_squared)
+        linear = linear_crack_density(value, slope_squared, self.length_scale)
+        return self.toughness * np.where(self.is_linear, linear, quadratic)
 
 
 def initial_history(

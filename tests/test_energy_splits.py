@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 from physics.elasticity import SPLIT_CODES, Law, in_plane_first_lame
 from physics.energy_splits import responses
+from physics.splits.star_convex import GAMMA
 
 LAM, MU = 121.15, 80.77
 SPLITS = sorted(SPLIT_CODES)
+STAR_AND_VOLUMETRIC = ("star_convex", "volumetric_deviatoric")
 #: equal eigenvalues, all tension, all compression, uniaxial, pure shear, nearly equal eigenvalues
 SPECIAL = np.array(
     [
@@ -39,9 +41,11 @@ def central_difference(function, strain, step=1e-8):
 
 
 def away_from_kinks(strain, margin=1e-6):
-    """Strains whose trace and eigenvalues are not within the difference step of a change of sign."""
+    """Strains whose trace, eigenvalues and first stress are not within the difference step of a change of sign."""
     mean, radius = strain[:, :2].mean(1), np.hypot(0.5 * (strain[:, 0] - strain[:, 1]), 0.5 * strain[:, 2])
-    return strain[(abs(mean) > margin) & (abs(mean + radius) > margin) & (abs(mean - radius) > margin)]
+    first = 2.0 * LAM * mean + 2.0 * MU * (mean + radius)
+    parts = (mean, mean + radius, mean - radius, first / LAM)
+    return strain[np.all([abs(part) > margin for part in parts], axis=0)]
 
 
 @pytest.mark.parametrize("split", SPLITS)
@@ -72,16 +76,54 @@ def test_undamaged_law_is_hooke(split):
 def test_energy_is_split_into_two_parts_that_are_never_negative(strain, g):
     for split in SPLITS:
         energies, _, tangent = responses(Law.isotropic(split, LAM, MU), np.array([g]), np.array([strain]))
-        assert energies.min() >= 0
+        assert split == "star_convex" or energies.min() > -1e-14 * LAM
+        assert (np.array([[g, 1.0]]) * energies).sum() > -1e-14 * LAM
         assert np.linalg.eigvalsh(tangent[0]).min() > -1e-9 * LAM
 
 
 def test_compression_does_not_drive_fracture():
     compression = np.array([[-1e-3, -1e-3, 0.0]])
-    for split in ("spectral", "volumetric_deviatoric"):
+    for split in ("no_tension", "spectral", "volumetric_deviatoric"):
         energies, stress, _ = responses(Law.isotropic(split, LAM, MU), np.zeros(1), compression)
         assert energies[0, 0] == 0
         assert stress[0, 0] == pytest.approx(-2e-3 * (LAM + MU))
+
+
+def test_pressure_holds_back_the_star_convex_split_and_makes_it_stiffer():
+    pressed = np.array([[-1e-3, -1e-3, 0.0]])
+    energies, stress, _ = responses(Law.isotropic("star_convex", LAM, MU), np.zeros(1), pressed)
+    volumetric = 0.5 * (LAM + MU) * 4e-6
+    assert energies[0] == pytest.approx([-GAMMA * volumetric, (1.0 + GAMMA) * volumetric])
+    assert stress[0, 0] == pytest.approx(-2e-3 * (1.0 + GAMMA) * (LAM + MU))
+
+
+def test_star_convex_and_volumetric_splits_are_one_but_under_pressure():
+    strain = np.array([[2e-3, -1e-3, 1e-3], [1e-4, 0.0, 1e-3]])
+    ours, known = (responses(Law.isotropic(split, LAM, MU), np.full(2, 0.3), strain) for split in STAR_AND_VOLUMETRIC)
+    assert all(np.allclose(one, other, rtol=1e-14) for one, other in zip(ours, known, strict=True))
+
+
+def test_broken_material_without_tension_is_a_bar_along_its_crack():
+    """Free of stress across; along it Young's modulus of the plane; in shear the struts under the pressure alone."""
+    young = 4.0 * MU * (LAM + MU) / (LAM + 2.0 * MU)
+    strain = np.array([[3e-3, -1e-3, 0.0], [1e-3, 2e-3, 0.0], [0.0, 0.0, 2e-3]])
+    energies, stress, _ = responses(Law.isotropic("no_tension", LAM, MU), np.zeros(3), strain)
+    assert stress[0] == pytest.approx([0.0, -1e-3 * young, 0.0], abs=1e-15)
+    assert energies[0, 1] == pytest.approx(0.5e-6 * young)
+    assert stress[1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-15)
+    assert energies[2] == pytest.approx([2e-6 * MU - 0.5e-6 * young, 0.5e-6 * young])
+    assert stress[2] == pytest.approx(0.5e-3 * young * np.array([-1.0, -1.0, 1.0]))
+
+
+def test_uniaxial_tension_drives_fracture_with_the_energy_of_a_bar():
+    """At plane stress: sigma^2 / 2 E, from which the contraction's own goes where no tension may be left."""
+    plane = in_plane_first_lame(LAM, MU, "stress")
+    contraction = plane / (plane + 2.0 * MU)
+    strain = np.array([[1e-3, -contraction * 1e-3, 0.0]])
+    bar = 0.5e-6 * 4.0 * MU * (plane + MU) / (plane + 2.0 * MU)
+    shares = {"none": 1.0, "no_tension": 1.0 - contraction**2, "star_convex": 1.0, "volumetric_deviatoric": 1.0}
+    for split, share in shares.items():
+        assert responses(Law.isotropic(split, plane, MU), np.ones(1), strain)[0][0, 0] == pytest.approx(share * bar)
 
 
 def test_plane_stress_leaves_youngs_modulus_in_uniaxial_tension():

@@ -19,7 +19,7 @@ from fem_reference.smooth_basis import SmoothBasis
 from numerics.costs import Costs
 from numerics.phase_field_equation import PhaseFieldEquation, PhaseFieldTerms, ScalarAtPoints
 from physics.elasticity import MaterialTable
-from physics.phase_field import PhaseFieldCoefficients, crack_density
+from physics.phase_field import PhaseFieldCoefficients
 
 
 class MeshPhaseField:
@@ -46,7 +46,7 @@ class MeshPhaseField:
             self._smooth = smooth = SmoothBasis.of(case, basis, materials.curvature[basis.body])
             self._forms, self._smooth_values = smooth.forms(basis.volume), smooth.values(self._elements)
             cells, free, self._first = self._smooth_values.unknowns, smooth.spread(free), smooth.spread(self._first)
-        self._equation = PhaseFieldEquation(cells, free, costs)
+        self._equation = PhaseFieldEquation(cells, free, costs, bool(materials.is_linear.any()))
 
     def measure_on(self, slope: NDArray, volume: NDArray) -> None:
         """Take slopes (n_el, n_gauss, k, 2) and volumes (n_el, n_gauss) of the mesh as it stands."""
@@ -81,8 +81,8 @@ class MeshPhaseField:
     def energy(self, at_points: ScalarAtPoints) -> float:
         """Fracture energy [energy] (Eq. 2.49)."""
         value, slope_squared, curvature_squared = (whole[self._elements] for whole in at_points)
-        density = crack_density(value, slope_squared, self._coefficients.length_scale, curvature_squared)
-        return float((self._coefficients.toughness * density * self._values.volume).sum())
+        density = self._coefficients.energy_density(value, slope_squared, curvature_squared)
+        return float((density * self._values.volume).sum())
 
     def at_nodes(self, nodal: NDArray) -> NDArray:
         """Phase field (n_nodes,) at the nodes."""

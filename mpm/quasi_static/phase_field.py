@@ -16,7 +16,7 @@ from numerics.linear_solvers import lift_empty_diagonal
 from numerics.phase_field_equation import PhaseFieldEquation, PhaseFieldTerms, ScalarAtPoints
 from numerics.sparse_pattern import SymmetricPattern
 from physics.elasticity import MaterialTable
-from physics.phase_field import PhaseFieldCoefficients, crack_density
+from physics.phase_field import PhaseFieldCoefficients
 
 #: unknowns whose diagonal is below this share of the usual one matter to nobody, whatever their values
 BARELY_SEEN = 1e-6
@@ -31,6 +31,7 @@ class GridPhaseField:
     def __init__(self, case: Case, grid: Grid, materials: MaterialTable, body: NDArray, costs: Costs) -> None:
         self._costs, self._breaking = costs, materials.breakable[body]
         self._coefficients = PhaseFieldCoefficients(materials, body)
+        self._is_bounded = bool(materials.is_linear.any())
         self._fourth_order = bool(materials.fourth_order.any())
         if self._fourth_order and grid.slits:
             raise GridError(
@@ -54,7 +55,7 @@ class GridPhaseField:
         """Number the unknowns of the nodes in use."""
         free = np.zeros(len(self._held), bool)
         free[active.cells.nodes[active.near_breaking]] = True
-        self._equation = PhaseFieldEquation(active.cells.nodes, free & ~self._held, self._costs)
+        self._equation = PhaseFieldEquation(active.cells.nodes, free & ~self._held, self._costs, self._is_bounded)
 
     def find_points(self, active: ActiveGrid) -> None:
         """Take the points of each cell that can break."""
@@ -82,9 +83,7 @@ class GridPhaseField:
 
     def energy(self, at_points: ScalarAtPoints, volume: NDArray) -> float:
         """Fracture energy [energy] (Eq. 2.49)."""
-        value, slope_squared, curvature_squared = at_points
-        density = crack_density(value, slope_squared, self._coefficients.length_scale, curvature_squared)
-        return float((self._coefficients.toughness * density) @ volume)
+        return float(self._coefficients.energy_density(*at_points) @ volume)
 
 
 def keep_barely_seen(pattern: SymmetricPattern, values: NDArray) -> NDArray:

@@ -9,6 +9,7 @@ from cases import Case, Check
 from cases.errors import UserError
 from cases.judging import EACH
 from physics.exact import SOLUTIONS
+from physics.phase_field import seen_toughness as toughness_of_cells
 from verify.metrics.curves import Curve
 from verify.metrics.metric import MetricError
 from verify.metrics.registry import METRICS, PAIR_METRICS, SWEEP_METRICS, find_metric
@@ -156,10 +157,10 @@ def _published(check: Check, case: Case, name: str) -> float:
 def _exact(check: Check, run: RunFolder) -> float:
     case = run.case
     solution = SOLUTIONS.get(case.exact or "")
-    if check.metric in CURVE_METRICS:
-        return METRICS[check.metric](exact_curve(run))
     if solution and check.metric in solution.values:
         return solution.values[check.metric](case, **check.parameters)
+    if check.metric in CURVE_METRICS:
+        return METRICS[check.metric](exact_curve(run))
     if check.metric == "fracture_energy" and solution and solution.fracture_energy:
         return solution.fracture_energy(case)
     if check.metric in ("energy_release_rate", "fracture_energy_rate"):
@@ -172,4 +173,4 @@ def seen_toughness(case: Case) -> float:
     fractures = [material.fracture for material in case.materials.values() if material.fracture]
     if not fractures:
         raise MetricError(f"{case.name}: no material can break, so there is no toughness; add one")
-    return fractures[0].toughness * (1.0 + case.mesh.h / (4.0 * fractures[0].length_scale))
+    return toughness_of_cells(fractures[0], case.mesh.h)
