@@ -130,19 +130,10 @@ class MovingBody:
         if self.rigid and window.is_mapped and not self.rigid_velocity.any():
             return
         window.is_mapped = True
-        for array in window.sums:
-            array[:] = 0.0
         self.transfers.to_grid(
-            window.strips, points.motion, points.matter, points.elastic, 1.0 / self.lattice.h, window.width, window.sums
-        )
-        self._map_gradients()
-
-    def _map_gradients(self) -> None:
-        window, points = self.window, self.points
-        if self._dynamics.affine and not self.rigid:
-            self.transfers.affine_to_grid(
-                window.strips, points.motion, points.matter, points.gradient, self.lattice.h, window.width, window.sums
-            )
+            window.strips, points.motion, points.matter, points.gradient, points.elastic, self.lattice.h,
+            self._dynamics.affine and not self.rigid, window.width, window.sums,
+        )  # fmt: skip
 
     def find_trial_velocities(self, step: float, acceleration: NDArray, damping: float) -> None:
         """Velocities of the nodes before the step and without contact after it.
@@ -179,15 +170,12 @@ class MovingBody:
 
     def _to_points(self, step: float, with_velocities: bool, with_strains: bool) -> None:
         points, dynamics, wandering, h = self.points, self._dynamics, self.wandering, self.lattice.h
-        velocities = self.window.velocities
-        np.subtract(velocities.vx, velocities.old_x, out=velocities.dx)
-        np.subtract(velocities.vy, velocities.old_y, out=velocities.dy)
         update = PointUpdate(
             step / h, dynamics.flip, dynamics.rotation == "corotational", (dynamics.affine or self.has_axes) / h,
             with_velocities, with_strains, not self.breakable, self.law.lam, self.law.mu,
         )  # fmt: skip
         self.transfers.to_points(
-            self.window.strips, velocities, self.window.width, update, points.motion, points.gradient, points.elastic,
+            self.window.strips, self.window.velocities, self.window.width, update, points.motion, points.gradient, points.elastic,
             wandering.fastest,
         )  # fmt: skip
         if with_velocities:
@@ -201,10 +189,11 @@ class MovingBody:
     def map_momentum_again(self) -> None:
         """Velocities of the nodes from those of the points after the step (MUSL)."""
         window, sums, velocities = self.window, self.window.sums, self.window.velocities
-        sums.px[:], sums.py[:] = 0.0, 0.0
-        motion, matter = self.points.motion, self.points.matter
-        self.transfers.momentum_to_grid(window.strips, motion, matter, window.width, sums)
-        self._map_gradients()
+        points = self.points
+        self.transfers.momentum_to_grid(
+            window.strips, points.motion, points.matter, points.gradient, self.lattice.h, self._dynamics.affine,
+            window.width, sums,
+        )  # fmt: skip
         over = np.divide(1.0, sums.m, out=np.zeros_like(sums.m), where=sums.m > 0.0)
         np.multiply(sums.px, over, out=velocities.vx)
         np.multiply(sums.py, over, out=velocities.vy)

@@ -67,21 +67,44 @@ def add_products(typing_context, k, array, first, width, terms):
 
 
 @intrinsic(prefer_literal=True)
-def sum_products(typing_context, k, array, first, width, across, along):
-    """Sum of across[a] along[b] array[first + a width + b]."""
+def sum_fields(typing_context, k, fields, first, width, across, along):
+    """Sums and their slopes of four fields that lie side by side at each node: twelve numbers.
+
+    ``fields`` (4 n_nodes,); ``across`` and ``along`` are pairs of the weights of a row or column and their slopes. The
+    four sums of weights come first, then those of the slopes across, then those of the slopes along.
+    """
     count = k.literal_value
 
     def generate(context, builder, signature, arguments):
-        _, array, first, width, across, along = arguments
-        total = None
-        for a, address in enumerate(_rows(context, builder, signature.args[1], array, first, width, count)):
-            part = builder.fmul(_repeated(builder, builder.extract_value(across, a)), _loaded(builder, address))
-            total = part if total is None else builder.fadd(total, part)
-        total = builder.fmul(total, _row(builder, along))
-        lanes = [builder.extract_element(total, _INT(lane)) for lane in range(count)]
-        found = lanes[0]
-        for lane in lanes[1:]:
-            found = builder.fadd(found, lane)
-        return found
+        _, fields, first, width, across, along = arguments
+        weights, slopes = ([_spread_out(builder, pair, part, count) for pair in (across, along)] for part in range(2))
+        values = context.make_array(signature.args[1])(context, builder, fields).data
+        sums = [None, None, None]
+        for a in range(count):
+            nodes = []
+            for b in range(count):
+                node = builder.add(first, builder.add(builder.mul(width, width.type(a)), width.type(b)))
+                address = builder.gep(values, [builder.mul(node, node.type(_LANES))])
+                nodes.append(_loaded(builder, builder.bitcast(address, _ROW.as_pointer())))
+            row, slope = _weighted(builder, nodes, weights[1]), _weighted(builder, nodes, slopes[1])
+            for number, (part, weight) in enumerate(((row, weights[0]), (row, slopes[0]), (slope, weights[0]))):
+                product = builder.fmul(weight[a], part)
+                sums[number] = product if a == 0 else builder.fadd(sums[number], product)
+        found = [builder.extract_element(total, _INT(lane)) for total in sums for lane in range(_LANES)]
+        return context.make_tuple(builder, signature.return_type, found)
 
-    return types.float64(k, array, first, width, across, along), generate
+    return types.UniTuple(types.float64, 3 * _LANES)(k, fields, first, width, across, along), generate
+
+
+def _spread_out(builder, pair, part, count):
+    """Vectors of one number each, of a part of a pair of tuples."""
+    numbers = builder.extract_value(pair, part)
+    return [_repeated(builder, builder.extract_value(numbers, i)) for i in range(count)]
+
+
+def _weighted(builder, vectors, weights):
+    """Sum of vectors times weights."""
+    total = builder.fmul(weights[0], vectors[0])
+    for weight, vector in zip(weights[1:], vectors[1:], strict=True):
+        total = builder.fadd(total, builder.fmul(weight, vector))
+    return total

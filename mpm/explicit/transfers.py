@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit, prange
 
 from mpm.explicit.cell_splines import ROUNDED, basis, splines
-from mpm.explicit.stencil_sums import add_products, sum_products
+from mpm.explicit.stencil_sums import add_products, sum_fields
 from mpm.explicit.stresses import elastic_stress, turned_strain
 
 #: cells that a point may wander from where it was sorted, in each direction
@@ -52,13 +52,28 @@ class PointUpdate(NamedTuple):
     mu: float
 
 
+@njit(fastmath=ROUNDED)
+def _times_offset(k, weight, xi):
+    """The k of four weights times the way from a point at xi of a cell to their nodes, in cells."""
+    start = 0.5 * (k - 2) + xi
+    return (-start * weight[0], (1.0 - start) * weight[1], (2.0 - start) * weight[2], (3.0 - start) * weight[3])
+
+
 def _to_grid(k):
     @njit(cache=True, parallel=True, fastmath=ROUNDED)
-    def to_grid(strips, motion, matter, elastic, over_h, width, sums):
-        """Masses (Eq. 3.58), momenta (6.24) and minus internal forces (6.25) of the nodes."""
+    def to_grid(strips, motion, matter, gradient, elastic, h, affine, width, sums):
+        """Masses (Eq. 3.58), momenta (6.24) and minus internal forces (6.25) of the nodes.
+
+        affine : momenta count the points' velocity gradients about them.
+        """
         x, y, vx, vy, mass, volume = motion.x, motion.y, motion.vx, motion.vy, matter.mass, matter.volume
         sxx, syy, sxy = elastic.sxx, elastic.syy, elastic.sxy
+        cxx, cxy, cyx, cyy = gradient
         m, px, py, fx, fy = sums
+        over_h = 1.0 / h
+        for row in prange(len(m) // width):
+            nodes = slice(row * width, (row + 1) * width)
+            m[nodes], px[nodes], py[nodes], fx[nodes], fy[nodes] = 0.0, 0.0, 0.0, 0.0, 0.0
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
@@ -67,60 +82,50 @@ def _to_grid(k):
                     (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
                     first, v = i * width + j, -volume[p] * over_h
                     add_products(k, m, first, width, ((mass[p], wx, wy),))
-                    add_products(k, px, first, width, ((mass[p] * vx[p], wx, wy),))
-                    add_products(k, py, first, width, ((mass[p] * vy[p], wx, wy),))
+                    if affine:
+                        off_x, off_y = _times_offset(k, wx, x[p] - i), _times_offset(k, wy, y[p] - j)
+                        arm, one, two = h * mass[p], mass[p] * vx[p], mass[p] * vy[p]
+                        terms = ((one, wx, wy), (arm * cxx[p], off_x, wy), (arm * cxy[p], wx, off_y))
+                        add_products(k, px, first, width, terms)
+                        terms = ((two, wx, wy), (arm * cyx[p], off_x, wy), (arm * cyy[p], wx, off_y))
+                        add_products(k, py, first, width, terms)
+                    else:
+                        add_products(k, px, first, width, ((mass[p] * vx[p], wx, wy),))
+                        add_products(k, py, first, width, ((mass[p] * vy[p], wx, wy),))
                     add_products(k, fx, first, width, ((v * sxx[p], dx, wy), (v * sxy[p], wx, dy)))
                     add_products(k, fy, first, width, ((v * sxy[p], dx, wy), (v * syy[p], wx, dy)))
 
     return to_grid
 
 
-@njit(fastmath=ROUNDED)
-def _times_offset(k, weight, xi):
-    """The k of four weights times the way from a point at xi of a cell to their nodes, in cells."""
-    start = 0.5 * (k - 2) + xi
-    return (-start * weight[0], (1.0 - start) * weight[1], (2.0 - start) * weight[2], (3.0 - start) * weight[3])
-
-
-def _affine_to_grid(k):
-    @njit(cache=True, parallel=True, fastmath=ROUNDED)
-    def affine_to_grid(strips, motion, matter, gradient, h, width, sums):
-        """Momenta of the points' velocity gradients c about the points, added to those of the nodes."""
-        x, y, mass, px, py = motion.x, motion.y, matter.mass, sums.px, sums.py
-        cxx, cxy, cyx, cyy = gradient
-        for colour in range(2):
-            for half in prange((len(strips) - colour) // 2):
-                strip = 2 * half + colour
-                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
-                    i, j = int(x[p]), int(y[p])
-                    wx, wy = splines(k, x[p] - i)[0], splines(k, y[p] - j)[0]
-                    off_x, off_y = _times_offset(k, wx, x[p] - i), _times_offset(k, wy, y[p] - j)
-                    first, arm = i * width + j, h * mass[p]
-                    add_products(k, px, first, width, ((arm * cxx[p], off_x, wy), (arm * cxy[p], wx, off_y)))
-                    add_products(k, py, first, width, ((arm * cyx[p], off_x, wy), (arm * cyy[p], wx, off_y)))
-
-    return affine_to_grid
-
-
 def _momentum_to_grid(k):
     @njit(cache=True, parallel=True, fastmath=ROUNDED)
-    def momentum_to_grid(strips, motion, matter, width, sums):
+    def momentum_to_grid(strips, motion, matter, gradient, h, affine, width, sums):
         """Momenta of the nodes (Eq. 6.24) alone."""
         x, y, vx, vy, mass, px, py = motion.x, motion.y, motion.vx, motion.vy, matter.mass, sums.px, sums.py
+        cxx, cxy, cyx, cyy = gradient
+        for row in prange(len(px) // width):
+            px[row * width : (row + 1) * width], py[row * width : (row + 1) * width] = 0.0, 0.0
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
                 for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                     i, j = int(x[p]), int(y[p])
                     wx, wy = splines(k, x[p] - i)[0], splines(k, y[p] - j)[0]
-                    add_products(k, px, i * width + j, width, ((mass[p] * vx[p], wx, wy),))
-                    add_products(k, py, i * width + j, width, ((mass[p] * vy[p], wx, wy),))
+                    first = i * width + j
+                    add_products(k, px, first, width, ((mass[p] * vx[p], wx, wy),))
+                    add_products(k, py, first, width, ((mass[p] * vy[p], wx, wy),))
+                    if affine:
+                        off_x, off_y = _times_offset(k, wx, x[p] - i), _times_offset(k, wy, y[p] - j)
+                        arm = h * mass[p]
+                        add_products(k, px, first, width, ((arm * cxx[p], off_x, wy), (arm * cxy[p], wx, off_y)))
+                        add_products(k, py, first, width, ((arm * cyx[p], off_x, wy), (arm * cyy[p], wx, off_y)))
 
     return momentum_to_grid
 
 
 def _to_points(k):
-    @njit(cache=True, parallel=True, fastmath=ROUNDED)
+    @njit(cache=True, parallel=True, fastmath=ROUNDED, error_model="numpy")
     def to_points(strips, velocities, width, update, motion, gradient, elastic, fastest):
         """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45); strains and places;
         stresses where the body cannot break.
@@ -128,25 +133,21 @@ def _to_points(k):
         ``fastest`` (n_strips,) takes the largest square of the velocity that carries a point of each strip.
         """
         factor, flip, corotational, affine, with_velocities, with_strains, with_stresses, lam, mu = update
-        grid_vx, grid_vy, grid_dx, grid_dy = velocities.vx, velocities.vy, velocities.dx, velocities.dy
         x, y, vx, vy, moved_x, moved_y = motion
         cxx, cxy, cyx, cyy = gradient
         exx, eyy, gxy, sxx, syy, sxy = elastic
+        old_x, old_y, new_x, new_y, packed = velocities
+        for row in prange(len(new_x) // width):
+            for node in range(row * width, (row + 1) * width):
+                packed[4 * node], packed[4 * node + 1] = new_x[node], new_y[node]
+                packed[4 * node + 2], packed[4 * node + 3] = new_x[node] - old_x[node], new_y[node] - old_y[node]
         for strip in prange(len(strips) - 1):
             largest = 0.0
             for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                 i, j = int(x[p]), int(y[p])
-                (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
-                first = i * width + j
-                # all sums before anything is stored, so that what they share is computed once
-                ux = sum_products(k, grid_vx, first, width, wx, wy)
-                uy = sum_products(k, grid_vy, first, width, wx, wy)
-                cx = sum_products(k, grid_dx, first, width, wx, wy)
-                cy = sum_products(k, grid_dy, first, width, wx, wy)
-                l00 = sum_products(k, grid_vx, first, width, dx, wy)
-                l01 = sum_products(k, grid_vx, first, width, wx, dy)
-                l10 = sum_products(k, grid_vy, first, width, dx, wy)
-                l11 = sum_products(k, grid_vy, first, width, wx, dy)
+                ux, uy, cx, cy, l00, l10, _, _, l01, l11, _, _ = sum_fields(
+                    k, packed, i * width + j, width, splines(k, x[p] - i), splines(k, y[p] - j)
+                )
                 if with_velocities:
                     vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
                     vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
@@ -240,7 +241,6 @@ def _spread(k):
 #: code can be kept on disk
 _MAKERS = (
     _to_grid,
-    _affine_to_grid,
     _momentum_to_grid,
     _to_points,
     _mass_slopes,

@@ -29,14 +29,14 @@ class NodeSums(NamedTuple):
 
 
 class NodeVelocities(NamedTuple):
-    """Velocity of the nodes before and after the step, and its change."""
+    """Velocity of the nodes before and after the step; ``packed`` (4 n_nodes,) holds that after it and its change, side
+    by side for each node."""
 
     old_x: NDArray
     old_y: NDArray
     vx: NDArray
     vy: NDArray
-    dx: NDArray
-    dy: NDArray
+    packed: NDArray
 
 
 class NodeTractions(NamedTuple):
@@ -81,7 +81,8 @@ class GridWindow:
     def over(cls, corner: NDArray, shape: NDArray, strips: NDArray) -> GridWindow:
         """A window whose arrays are zero."""
         size = int(np.prod(shape))
-        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (5, 6, 2, 5))
+        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (5, 4, 2, 5))
+        velocities.append(np.zeros(4 * size))
         surface.append(np.zeros(size, bool))
         return cls(
             corner, shape, strips, NodeSums(*sums), NodeVelocities(*velocities), NodeTractions(*tractions),
