@@ -68,6 +68,8 @@ def _names_are_defined(case: CaseDescription) -> None:
         prescribed.add((constraint.on, constraint.direction))
     for number, traction in enumerate(case.tractions):
         _defined(traction.on, list(case.boundaries), f"tractions[{number}].on", "boundary")
+    if case.contact.normals_of is not None:
+        _defined(case.contact.normals_of, list(case.bodies), "contact.normals_of", "body")
     for number, pair in enumerate(case.contact.pairs):
         for name in pair.bodies:
             _defined(name, list(case.bodies), f"contact.pairs[{number}].bodies", "body")

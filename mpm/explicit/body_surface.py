@@ -39,19 +39,19 @@ def own_normal(surface, node):
 
 
 @njit(cache=True)
-def find_normals(first, second, one_rigid, other_rigid, touching, count):
+def find_normals(first, second, first_holds, second_holds, touching, count):
     """Common normals (Eq. 6.34) at the first ``count`` nodes; keeps those that have one and returns how many.
 
-    ``first, second`` : ``NodeSurface`` of both bodies, which take them too. ``touching`` : ``Touching``.
+    ``first, second`` : ``NodeSurface`` of both bodies, which take them too. ``first_holds, second_holds`` : this body's
+    normal alone holds. ``touching`` : ``Touching``.
     """
     kept = 0
     for n in range(count):
         a, b = touching.nodes[0, n], touching.nodes[1, n]
         ax, ay = own_normal(first, a)
         bx, by = own_normal(second, b)
-        # the corners of a soft body are rounded on the grid: where one is rigid, its normal holds
-        x = (0.0 if other_rigid else ax) - (0.0 if one_rigid else bx)
-        y = (0.0 if other_rigid else ay) - (0.0 if one_rigid else by)
+        x = (0.0 if second_holds else ax) - (0.0 if first_holds else bx)
+        y = (0.0 if second_holds else ay) - (0.0 if first_holds else by)
         length = np.hypot(x, y)
         if length <= SHORTEST_NORMAL:
             continue

@@ -78,9 +78,12 @@ class Pair:
     numbers : (2,) of them. friction : between them. touching, count : nodes that they share, and how many.
     """
 
-    def __init__(self, a: int, b: int, bodies: Sequence[MovingBody], friction: float) -> None:
-        self.numbers, self.friction = (a, b), friction
+    def __init__(self, case: Case, a: int, b: int, bodies: Sequence[MovingBody]) -> None:
+        self.numbers, self.friction = (a, b), case.friction(a, b)
         self._bodies = (bodies[a], bodies[b])
+        # the corners of a soft body are rounded on the grid: where one is rigid, its normal holds
+        first, second = (body.rigid or body.name == case.contact.normals_of for body in self._bodies)
+        self._holds = (first and not bodies[b].rigid, second and not bodies[a].rigid)
         self.touching, self.count = Touching.room(0), 0
 
     def share(self) -> bool:
@@ -107,7 +110,7 @@ class Pair:
         """Collinear normals (6.34) and gaps at the shared nodes."""
         first, second = self._bodies
         surfaces = first.window.surface, second.window.surface
-        self.count = find_normals(*surfaces, first.rigid, second.rigid, self.touching, self.count)
+        self.count = find_normals(*surfaces, *self._holds, self.touching, self.count)
         if by_distance and self.count:
             find_reach(first)
             find_reach(second)
@@ -135,7 +138,7 @@ class Contact:
         self._bodies, self._by_distance = bodies, case.contact.by_distance
         pairs = combinations(range(len(bodies)), 2)
         self.pairs = [
-            Pair(a, b, bodies, case.friction(a, b)) for a, b in pairs if not (bodies[a].rigid and bodies[b].rigid)
+            Pair(case, a, b, bodies) for a, b in pairs if not (bodies[a].rigid and bodies[b].rigid)
         ]
         self._sweeps = 1 if len(bodies) == 2 else SWEEPS
         self._sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(2), np.zeros(len(COUNTERS), np.int64))
