@@ -232,8 +232,11 @@ class Contact(Table):
     friction : Coulomb's coefficient of all pairs of bodies that `pairs` does not name
     by_distance : bodies push only where their points are no further apart than inside a body; without it they
         push as soon as they share a grid node, a cell or more too early
+    normals_of : a body with a smooth surface, whose normal alone holds where others meet it; without, both bodies' are
+        averaged, and the grid rounds the corners of either. A rigid body's normal holds anyway
     """
 
     friction: Annotated[Number, Field(ge=0)] = 0.0
     pairs: tuple[ContactPair, ...] = ()
     by_distance: Switch = True
+    normals_of: Name | None = None

@@ -73,6 +73,8 @@ def _names_are_defined(case: CaseDescription) -> None:
         for number, item in enumerate(getattr(case, key)):
             if item.on is not None:
                 _defined(item.on, list(case.bodies), f"{key}[{number}].on", "body")
+    if case.contact.normals_of is not None:
+        _defined(case.contact.normals_of, list(case.bodies), "contact.normals_of", "body")
     for number, pair in enumerate(case.contact.pairs):
         for name in pair.bodies:
             _defined(name, list(case.bodies), f"contact.pairs[{number}].bodies", "body")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass
 
 
 class Costs:
@@ -24,19 +23,36 @@ class Costs:
         for work in (*solving, "phase_field_solves", "window_cells"):
             self.count.pop(work, None)
 
-    @contextmanager
-    def timed(self, part: str) -> Iterator[None]:
+    def timed(self, part: str) -> _Timed:
         """Add the wall time inside to ``seconds[part]``; of parts within parts, the innermost is charged."""
+        return _Timed(self, part)
+
+    def begin(self, part: str) -> None:
+        """Charge a part from now on."""
         self._charge()
         self._parts.append(part)
-        try:
-            yield
-        finally:
-            self._charge()
-            self._parts.pop()
+
+    def end(self) -> None:
+        """Charge the part around it again."""
+        self._charge()
+        self._parts.pop()
 
     def _charge(self) -> None:
         now = time.perf_counter()
         if self._parts:
             self.seconds[self._parts[-1]] = self.seconds.get(self._parts[-1], 0.0) + now - self._since
         self._since = now
+
+
+@dataclass(slots=True)
+class _Timed:
+    """A part of the work, as a context: one made by ``contextlib`` would take as long as a small part itself."""
+
+    costs: Costs
+    part: str
+
+    def __enter__(self) -> None:
+        self.costs.begin(self.part)
+
+    def __exit__(self, *_: object) -> None:
+        self.costs.end()

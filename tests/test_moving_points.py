@@ -73,7 +73,7 @@ def eigenvalue_of_cloud(body: MovingBody) -> float:
             velocity[node] = 1.0
             body.update_stresses(1.0)
             body.map_to_grid()
-            columns.append(-np.column_stack([sums.fx[used], sums.fy[used]]).ravel())
+            columns.append(-sums.fields.reshape(-1, 4)[used, 2:].ravel())
     root = 1.0 / np.sqrt(mass)
     stiffness = np.array(columns).T
     return float(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T) * np.outer(root, root)).max())
@@ -195,7 +195,7 @@ def test_normals_that_agree_are_counted_where_bodies_approach(approach):
         body.map_to_grid()
         body.find_trial_velocities(0.01, np.zeros(2), 0.0)
     solver.contact.detect()
-    solver.contact._touching[0][3].opposed[:] = False
+    solver.contact.pairs[0].touching.opposed[:] = False
     solver.contact.exchange(0.01)
     assert solver.contact.violations["contact_C1"] == solver.contact.violations["contact_nodes"]
     assert (solver.contact.violations["contact_C1"] > 0) == approach

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from mpm.explicit.stencil_sums import add_products, sum_products
+from mpm.explicit.stencil_sums import add_fields, add_products, sum_fields
 
 WIDTH, FIRST = 7, 9
 
@@ -17,7 +17,7 @@ def four(k: int, seed: int) -> np.ndarray:
 def stencil(k: int, across: np.ndarray, along: np.ndarray) -> np.ndarray:
     """The products on the nodes of a grid of 6 x 7."""
     nodes = np.zeros((6, WIDTH))
-    nodes[FIRST // WIDTH :, FIRST % WIDTH :][:k, :4] = np.outer(across[:k], along)
+    nodes[FIRST // WIDTH :, FIRST % WIDTH :][:k, :4] = np.outer(np.asarray(across)[:k], along)
     return nodes.ravel()
 
 
@@ -38,11 +38,32 @@ def test_products_are_added_to_the_nodes_of_the_stencil_alone(k: int) -> None:
 
 
 @pytest.mark.parametrize("k", [2, 3, 4])
-def test_the_sum_over_a_stencil_is_that_of_its_products(k: int) -> None:
+def test_four_fields_take_their_products_at_once(k: int) -> None:
     @njit
-    def summed(array, width, a, b):
-        return sum_products(k, array, FIRST, width, a, b)
+    def added(fields, width, across, along, even, slopes):
+        add_fields(k, fields, FIRST, width, across, along, even, slopes[0], slopes[1])
 
-    a, b = four(k, 0), four(k, 1)
-    nodes = np.random.default_rng(9).uniform(size=6 * WIDTH)
-    assert summed(nodes, WIDTH, tuple(a), tuple(b)) == pytest.approx(nodes @ stencil(k, a, b), rel=1e-14)
+    across, along = (tuple(tuple(four(k, 3 * i + j)) for j in range(3)) for i in range(2))
+    even, *slopes = (tuple(four(4, seed)) for seed in range(6, 9))
+    fields = np.random.default_rng(9).uniform(size=(6 * WIDTH, 4))
+    found = fields.ravel().copy()
+    added(found, WIDTH, across, along, even, tuple(slopes))
+    for field in range(4):
+        part = 1 if field < 2 else 2
+        fields[:, field] += even[field] * stencil(k, across[0], along[0])
+        fields[:, field] += slopes[0][field] * stencil(k, across[part], along[0])
+        fields[:, field] += slopes[1][field] * stencil(k, across[0], along[part])
+    np.testing.assert_allclose(found.reshape(-1, 4), fields, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("k", [2, 3, 4])
+def test_four_fields_and_their_slopes_are_summed_at_once(k: int) -> None:
+    @njit
+    def summed(fields, width, across, along):
+        return sum_fields(k, fields, FIRST, width, across, along)
+
+    across, along = (tuple(tuple(four(k, 2 * i + j)) for j in range(2)) for i in range(2))
+    fields = np.random.default_rng(9).uniform(size=(6 * WIDTH, 4))
+    products = ((across[0], along[0]), (across[1], along[0]), (across[0], along[1]))
+    expected = np.ravel([stencil(k, *pair) @ fields for pair in products])
+    np.testing.assert_allclose(summed(fields.ravel(), WIDTH, across, along), expected, rtol=1e-13)

@@ -9,57 +9,65 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mpm.explicit.moving_body import MovingBody
-from mpm.explicit.transfers import DRIFT, STRIP
+
+#: own normals whose difference is shorter than this do not tell a direction
+SHORTEST_NORMAL = 1e-6
 
 
-class BodySurface:
-    """Inverse masses, normals and reach of a body at nodes of its window."""
+def find_mass_slopes(body: MovingBody, nodes: Sequence[NDArray]) -> None:
+    """Mass gradients of a body at nodes of its window, from the points of the cells around them."""
+    window, chosen = body.window, nodes[0] if len(nodes) == 1 else np.concatenate(nodes)
+    surface, points = window.surface, body.points
+    body.transfers.mass_slopes(chosen, window.starts, points.motion, points.matter, window.width, surface)
 
-    def __init__(self, body: MovingBody) -> None:
-        self.body = body
-        #: strips of the points near the nodes
-        self._near = np.zeros(1, np.int64)
 
-    def inverse_mass(self, nodes: NDArray) -> NDArray:
-        """Inverse masses (n,) of nodes, 0 of a rigid body."""
-        return np.zeros(len(nodes)) if self.body.rigid else 1.0 / self.body.window.sums.m[nodes]
+def find_reach(body: MovingBody) -> None:
+    """How far the body reaches from nodes along the normals of its surface, in cells."""
+    window, points = body.window, body.points
+    body.transfers.reaches(window.starts, points.motion, points.matter, window.width, window.surface)
 
-    def find_mass_slopes(self, nodes: Sequence[NDArray]) -> None:
-        """Mass gradients at nodes, from the points of the cells around them."""
-        body, window, order = self.body, self.body.window, self.body.lattice.order
-        surface, chosen = window.surface, np.concatenate(nodes)
-        surface.touches[:] = False
-        mark_cells(chosen, window.width, order, surface.touches)
-        surface.slope_x[:], surface.slope_y[:] = 0.0, 0.0
-        columns = chosen // window.width
-        first = max(0, (int(columns.min()) - order - DRIFT) // STRIP)
-        self._near = window.strips[first : (int(columns.max()) + DRIFT) // STRIP + 2]
-        body.transfers.mass_slopes(self._near, body.points.motion, body.points.matter, window.width, surface)
 
-    def outward_normals(self, nodes: NDArray) -> NDArray:
-        """Unit vectors (2, n) out of the body at nodes (Eq. 6.33); 0 where the sum vanishes.
+@njit(inline="always")
+def own_normal(surface, node):
+    """Unit vector out of the body (Eq. 6.33), 0 where the sum vanishes.
 
-        The functions of a node outside grow from the points towards it, so that the sum points outwards as it stands.
-        """
-        surface = self.body.window.surface
-        slope = np.array([surface.slope_x[nodes], surface.slope_y[nodes]])
-        length = np.hypot(*slope)
-        return np.divide(slope, length, out=np.zeros_like(slope), where=length > 0.0)
-
-    def reach(self, nodes: NDArray, normal: NDArray) -> NDArray:
-        """How far (n,) the body reaches from nodes along normals (2, n) [length]."""
-        body, surface = self.body, self.body.window.surface
-        surface.normal_x[nodes], surface.normal_y[nodes] = normal
-        surface.reach[:] = -np.inf
-        body.transfers.reaches(self._near, body.points.motion, body.points.matter, body.window.width, surface)
-        return body.lattice.h * surface.reach[nodes]
+    The functions of a node outside grow from the points towards it, so that the sum points outwards as it stands.
+    """
+    x, y = surface.slope_x[node], surface.slope_y[node]
+    length = np.hypot(x, y)
+    return (x / length, y / length) if length > 0.0 else (0.0, 0.0)
 
 
 @njit(cache=True)
-def mark_cells(nodes, width, order, touches):
-    """Mark the cells whose points reach one of the nodes."""
-    for node in nodes:
-        i, j = node // width, node % width
-        for a in range(max(0, i - order), i + 1):
-            for b in range(max(0, j - order), j + 1):
-                touches[a * width + b] = True
+def find_normals(first, second, first_holds, second_holds, touching, count):
+    """Common normals (Eq. 6.34) at the first ``count`` nodes; keeps those that have one and returns how many.
+
+    ``first, second`` : ``NodeSurface`` of both bodies, which take them too. ``first_holds, second_holds`` : this body's
+    normal alone holds. ``touching`` : ``Touching``.
+    """
+    kept = 0
+    for n in range(count):
+        a, b = touching.nodes[0, n], touching.nodes[1, n]
+        ax, ay = own_normal(first, a)
+        bx, by = own_normal(second, b)
+        x = (0.0 if second_holds else ax) - (0.0 if first_holds else bx)
+        y = (0.0 if second_holds else ay) - (0.0 if first_holds else by)
+        length = np.hypot(x, y)
+        if length <= SHORTEST_NORMAL:
+            continue
+        x, y = x / length, y / length
+        touching.nodes[0, kept], touching.nodes[1, kept] = a, b
+        touching.normal[0, kept], touching.normal[1, kept] = x, y
+        touching.gap[kept], touching.opposed[kept] = 0.0, ax * bx + ay * by <= 0.0
+        first.normal_x[a], first.normal_y[a], first.reach[a] = x, y, -np.inf
+        second.normal_x[b], second.normal_y[b], second.reach[b] = -x, -y, -np.inf
+        kept += 1
+    return kept
+
+
+@njit(cache=True)
+def find_gaps(first, second, h, touching, count):
+    """Gaps between both bodies at their nodes [length], from how far they reach."""
+    for n in range(count):
+        a, b = touching.nodes[0, n], touching.nodes[1, n]
+        touching.gap[n] = -h * (first.reach[a] + second.reach[b])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
@@ -13,55 +11,115 @@ from numba import njit
 from numpy.typing import NDArray
 
 from cases import Case
-from mpm.explicit.body_surface import BodySurface
+from mpm.explicit.body_surface import find_gaps, find_mass_slopes, find_normals, find_reach
 from mpm.explicit.moving_body import MovingBody
 
 #: relative round-off allowed in the checks C.1 to C.4
 ROUND_OFF = 1e-9
-#: own normals whose difference is shorter than this do not tell a direction
-SHORTEST_NORMAL = 1e-6
+#: and relative speed of approach that other pairs may leave
+LEFT_BY_OTHERS = 1e-3
 #: nodes in contact, and those of them at which a condition of Algorithm 3 did not hold
 COUNTERS = ("contact_nodes", "contact_C1", "contact_C2", "contact_C3", "contact_C4")
 #: passes over the pairs where a node may belong to more than two bodies
 SWEEPS = 5
 
 
-@dataclass
-class Touching:
-    """Nodes that a pair of bodies shares in this step.
+class Touching(NamedTuple):
+    """Nodes that a pair of bodies shares in a step, with room for more (m).
 
-    ``nodes`` (2, n) in each body's window; ``normal`` (2, n) outwards of the first body, ``gap`` (n,) [length];
-    ``opposed`` (n,) where the bodies' own normals oppose each other, as those of two that meet do (C.1).
+    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) [length];
+    ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
+    are the normal impulses of the last meeting [force time].
     """
 
     nodes: NDArray
     normal: NDArray
     gap: NDArray
     opposed: NDArray
+    pushes: NDArray
+
+    @classmethod
+    def room(cls, m: int) -> Touching:
+        """For so many nodes."""
+        return cls(np.zeros((2, m), np.int64), np.zeros((2, m)), np.zeros(m), np.zeros(m, bool), np.zeros(m))
 
 
 class ContactSide(NamedTuple):
-    """One body at the nodes (n,) that it shares: their numbers in its window, inverse masses, 0 of a rigid body, and the
-    velocities of all nodes of its window."""
+    """One body where it meets another: masses and velocities of all nodes of its window, its number, and whether it is
+    rigid."""
 
-    nodes: NDArray
-    inverse_mass: NDArray
+    mass: NDArray
     vx: NDArray
     vy: NDArray
-
-
-class Impulses(NamedTuple):
-    """Outcome of a meeting: normal impulses ``pushes`` (n,) at the nodes, ``totals`` of the impulse x, y on the second
-    body and of the work on both, and ``counts`` of nodes as `COUNTERS`."""
-
-    pushes: NDArray
-    totals: NDArray
-    counts: NDArray
+    number: int
+    rigid: bool
 
     @classmethod
-    def none(cls, n_nodes: int) -> Impulses:
-        """Before bodies meet at nodes."""
-        return cls(np.zeros(n_nodes), np.zeros(3), np.zeros(len(COUNTERS), np.int64))
+    def of(cls, number: int, body: MovingBody) -> ContactSide:
+        """The body of a number as it is now."""
+        velocities = body.window.velocities
+        return cls(body.window.sums.m, velocities.vx, velocities.vy, number, body.rigid)
+
+
+class ContactSums(NamedTuple):
+    """Since the start: impulse (n_bodies, 2) on each body, work (2,) of friction on all and of what moves rigid bodies,
+    and numbers (5,) of nodes as `COUNTERS`."""
+
+    impulse: NDArray
+    work: NDArray
+    counts: NDArray
+
+
+class Pair:
+    """Two bodies that may touch.
+
+    Attributes
+    ----------
+    numbers : (2,) of them. friction : between them. touching, count : nodes that they share, and how many.
+    """
+
+    def __init__(self, case: Case, a: int, b: int, bodies: Sequence[MovingBody]) -> None:
+        self.numbers, self.friction = (a, b), case.friction(a, b)
+        self._bodies = (bodies[a], bodies[b])
+        # the corners of a soft body are rounded on the grid: where one is rigid, its normal holds
+        first, second = (body.rigid or body.name == case.contact.normals_of for body in self._bodies)
+        self._holds = (first and not bodies[b].rigid, second and not bodies[a].rigid)
+        self.touching, self.count = Touching.room(0), 0
+
+    def share(self) -> bool:
+        """Find the nodes at which both bodies have mass (Remark 1), numbered in each one's window; whether any is."""
+        one, two = (body.window for body in self._bodies)
+        corner = np.maximum(one.corner, two.corner)
+        extent = np.minimum(one.corner + one.shape, two.corner + two.shape) - corner
+        self.count = 0
+        if extent.min() <= 0:
+            return False
+        if int(extent[0] * extent[1]) > len(self.touching.gap):
+            self.touching = Touching.room(int(extent[0] * extent[1]))
+        self.count = share_nodes(
+            one.sums.m, one.width, corner - one.corner, two.sums.m, two.width, corner - two.corner, extent,
+            self.touching.nodes,
+        )  # fmt: skip
+        return self.count > 0
+
+    def own_nodes(self, number: int) -> NDArray:
+        """The shared nodes (n,) in the window of one of the two."""
+        return self.touching.nodes[self.numbers.index(number), : self.count]
+
+    def touch(self, by_distance: bool) -> None:
+        """Collinear normals (6.34) and gaps at the shared nodes."""
+        first, second = self._bodies
+        surfaces = first.window.surface, second.window.surface
+        self.count = find_normals(*surfaces, *self._holds, self.touching, self.count)
+        if by_distance and self.count:
+            find_reach(first)
+            find_reach(second)
+            find_gaps(*surfaces, first.lattice.h, self.touching, self.count)
+
+    def sides(self) -> tuple[ContactSide, ContactSide]:
+        """Both bodies as they are now."""
+        first, second = (ContactSide.of(n, body) for n, body in zip(self.numbers, self._bodies, strict=True))
+        return first, second
 
 
 class Contact:
@@ -71,97 +129,85 @@ class Contact:
     ----------
     work : of friction on all bodies together since the start, at most zero [energy]. The normal forces' is left to the
         balance of energy: what a step takes on the grid, FLIP gives back to the points.
+    pairs : of bodies that may touch, not both rigid.
     impulse : (n_bodies, 2) that contact has given to each body since the start [force time].
     violations : numbers of nodes by the names of `COUNTERS`.
     """
 
     def __init__(self, case: Case, bodies: Sequence[MovingBody]) -> None:
         self._bodies, self._by_distance = bodies, case.contact.by_distance
-        self._surfaces = [BodySurface(body) for body in bodies]
         pairs = combinations(range(len(bodies)), 2)
-        self._pairs = [(a, b, case.friction(a, b)) for a, b in pairs if not (bodies[a].rigid and bodies[b].rigid)]
+        self.pairs = [
+            Pair(case, a, b, bodies) for a, b in pairs if not (bodies[a].rigid and bodies[b].rigid)
+        ]
         self._sweeps = 1 if len(bodies) == 2 else SWEEPS
-        self.work, self.work_of_rigid = 0.0, 0.0
-        self.impulse = np.zeros((len(bodies), 2))
-        self.violations: Counter[str] = Counter()
-        self._touching: list[tuple[int, int, float, Touching]] = []
+        self._sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(2), np.zeros(len(COUNTERS), np.int64))
+        self._rigid_velocities = np.array([body.rigid * body.rigid_velocity for body in bodies])
         #: push on rigid bodies by columns of nodes since the last record, and between the last two [force time]
         self._floor_load: dict[int, float] = {}
         self._last_floor_load: dict[int, float] = {}
 
+    @property
+    def work(self) -> float:
+        """See above."""
+        return float(self._sums.work[0])
+
+    @property
+    def work_of_rigid(self) -> float:
+        """What moves rigid bodies gives as much as they hand on, since the start [energy]."""
+        return float(self._sums.work[1])
+
+    @property
+    def impulse(self) -> NDArray:
+        """See above."""
+        return self._sums.impulse
+
+    @property
+    def violations(self) -> dict[str, int]:
+        """See above."""
+        return dict(zip(COUNTERS, self._sums.counts.tolist(), strict=True))
+
     def warm_up(self) -> None:
-        """Compile what contact needs."""
-        for surface in self._surfaces:
-            first = np.zeros(1, np.int64)
-            surface.find_mass_slopes([first])
-            surface.reach(first, np.zeros((2, 1)))
-        a, b = self._bodies[:2]
-        shared_nodes(a, b)
-        none, nothing = np.zeros(0, np.int64), np.zeros(0)
-        one, two = (ContactSide(none, nothing, *body.window.velocities[2:4]) for body in (a, b))
-        meet(one, two, np.zeros((2, 0)), nothing, np.zeros(0, bool), 0.0, Impulses.none(0))
+        """Compile what contact needs, whether or not bodies touch."""
+        for pair in self.pairs[:1]:
+            pair.share()
+            pair.touching, pair.count = Touching.room(1), 1
+            for number in pair.numbers:
+                find_mass_slopes(self._bodies[number], [pair.own_nodes(number)])
+                find_reach(self._bodies[number])
+            pair.touch(by_distance=True)
+            find_gaps(*(body.window.surface for body in self._bodies[:2]), 1.0, pair.touching, 0)
+            pair.count = 0
+            self._meet(pair, 1.0)
+            check_impenetrability(*pair.sides(), pair.touching, 0, 1.0, self._sums.counts)
 
     def detect(self) -> None:
         """Nodes with mass of two bodies (Remark 1), their collinear normals (6.34) and the gaps there."""
-        found = []
-        for a, b, friction in self._pairs:
-            nodes = shared_nodes(self._bodies[a], self._bodies[b])
-            if nodes.shape[1]:
-                found.append((a, b, friction, nodes))
-        for number in {n for a, b, _, _ in found for n in (a, b)}:
-            own = [nodes[int(number == b)] for a, b, _, nodes in found if number in (a, b)]
-            self._surfaces[number].find_mass_slopes(own)
-        self._touching = [(a, b, mu, touching) for a, b, mu, nodes in found if (touching := self._touch(a, b, nodes))]
-
-    def _touch(self, a: int, b: int, nodes: NDArray) -> Touching | None:
-        first, second = self._surfaces[a], self._surfaces[b]
-        own_first, own_second = first.outward_normals(nodes[0]), second.outward_normals(nodes[1])
-        # the corners of a soft body are rounded on the grid: where one is rigid, its normal holds
-        normal = (not second.body.rigid) * own_first - (not first.body.rigid) * own_second
-        length = np.hypot(*normal)
-        opposed = (own_first * own_second).sum(axis=0) <= 0.0
-        kept = length > SHORTEST_NORMAL
-        if not kept.any():
-            return None
-        nodes, normal = nodes[:, kept], normal[:, kept] / length[kept]
-        gap = np.zeros(nodes.shape[1])
-        if self._by_distance:
-            gap = -first.reach(nodes[0], normal) - second.reach(nodes[1], -normal)
-        return Touching(nodes, normal, gap, opposed[kept])
+        found = [pair for pair in self.pairs if pair.share()]
+        for number in sorted({number for pair in found for number in pair.numbers}):
+            own = [pair.own_nodes(number) for pair in found if number in pair.numbers]
+            find_mass_slopes(self._bodies[number], own)
+        for pair in found:
+            pair.touch(self._by_distance)
 
     def exchange(self, step: float) -> None:
         """Correct the nodes' velocities by the contact forces (Eqs. 6.28 to 6.40)."""
+        touching = [pair for pair in self.pairs if pair.count]
         for _ in range(self._sweeps):
-            for a, b, friction, touching in self._touching:
-                self._meet(a, b, friction, touching, step)
+            for pair in touching:
+                self._meet(pair, step)
         if self._sweeps > 1:
-            for a, b, _, touching in self._touching:
-                self._check_impenetrability(a, b, touching, step)
+            for pair in touching:
+                check_impenetrability(*pair.sides(), pair.touching, pair.count, step, self._sums.counts)
 
-    def _meet(self, a: int, b: int, friction: float, touching: Touching, step: float) -> None:
-        first, second = self._bodies[a], self._bodies[b]
-        impulses = Impulses.none(touching.nodes.shape[1])
-        meet(
-            self._side(a, touching.nodes[0]), self._side(b, touching.nodes[1]), touching.normal,
-            np.maximum(touching.gap, 0.0) / step, touching.opposed, friction, impulses,
-        )  # fmt: skip
-        pushes, totals, counts = impulses
+    def _meet(self, pair: Pair, step: float) -> None:
+        first, second = pair.sides()
+        meet(first, second, pair.touching, pair.count, step, pair.friction, self._rigid_velocities, self._sums)
         if first.rigid or second.rigid:
-            columns = first.window.corner[0] + touching.nodes[0] // first.window.width
-            for column, push in zip(columns.tolist(), pushes.tolist(), strict=True):
+            window = self._bodies[pair.numbers[0]].window
+            columns = window.corner[0] + pair.touching.nodes[0, : pair.count] // window.width
+            for column, push in zip(columns.tolist(), pair.touching.pushes[: pair.count].tolist(), strict=True):
                 self._floor_load[column] = self._floor_load.get(column, 0.0) + push
-        self.impulse[a] -= totals[:2]
-        self.impulse[b] += totals[:2]
-        self.work += totals[2]
-        for body, sign in ((first, 1.0), (second, -1.0)):
-            if body.rigid:  # what moves it gives as much as it hands on
-                self.work_of_rigid += sign * float(totals[:2] @ body.rigid_velocity)
-        for name, count in zip(COUNTERS, counts, strict=True):
-            self.violations[name] += int(count)
-
-    def _side(self, number: int, nodes: NDArray) -> ContactSide:
-        velocities = self._bodies[number].window.velocities
-        return ContactSide(nodes, self._surfaces[number].inverse_mass(nodes), velocities.vx, velocities.vy)
 
     def begin_record(self) -> None:
         """Keep the loads on rigid bodies since the last record apart."""
@@ -185,94 +231,99 @@ class Contact:
         loads = {"floor_load": self._floor_load, "last_floor_load": self._last_floor_load}
         arrays = {name: np.array(list(load.items())).reshape(-1, 2) for name, load in loads.items()}
         return arrays | {
-            "work": np.array([self.work, self.work_of_rigid]), "impulse": self.impulse.copy(),
-            "violations": np.array([self.violations[name] for name in COUNTERS]),
-        }  # fmt: skip
+            name: array.copy() for name, array in self._sums._asdict().items()
+        }
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to a checkpoint."""
-        self.work, self.work_of_rigid = map(float, saved["work"])
-        self.impulse = saved["impulse"].copy()
-        self.violations = Counter(dict(zip(COUNTERS, saved["violations"].tolist(), strict=True)))
+        for name, array in self._sums._asdict().items():
+            array[:] = saved[name]
         floor_loads = (saved[name].tolist() for name in ("floor_load", "last_floor_load"))
         self._floor_load, self._last_floor_load = ({int(column): push for column, push in load} for load in floor_loads)
 
-    def _check_impenetrability(self, a: int, b: int, touching: Touching, step: float) -> None:
-        """C.3 once more: another pair may have pushed this one together again."""
-        first, second = self._bodies[a].window.velocities, self._bodies[b].window.velocities
-        ia, ib = touching.nodes
-        relative = np.array([first.vx[ia] - second.vx[ib], first.vy[ia] - second.vy[ib]])
-        approach = (relative * touching.normal).sum(axis=0)
-        speed = np.hypot(first.vx[ia], first.vy[ia]) + np.hypot(second.vx[ib], second.vy[ib])
-        allowed = np.maximum(touching.gap, 0.0) / step
-        self.violations["contact_C3"] += int(np.count_nonzero(approach > allowed + 1e-3 * speed))
-
-
-def shared_nodes(first: MovingBody, second: MovingBody) -> NDArray:
-    """Nodes (2, n) at which both bodies have mass, numbered in each one's window."""
-    one, two = first.window, second.window
-    corner = np.maximum(one.corner, two.corner)
-    end = np.minimum(one.corner + one.shape, two.corner + two.shape)
-    if (end <= corner).any():
-        return np.zeros((2, 0), np.int64)
-    (ia, ja), (ib, jb) = corner - one.corner, corner - two.corner
-    extent = end - corner
-    return _shared(one.sums.m, one.width, ia, ja, two.sums.m, two.width, ib, jb, extent[0], extent[1])
-
 
 @njit(cache=True)
-def _shared(mass_a, width_a, ia, ja, mass_b, width_b, ib, jb, n_x, n_y):
-    found = np.empty((2, n_x * n_y), np.int64)
+def share_nodes(mass_a, width_a, corner_a, mass_b, width_b, corner_b, extent, nodes):
+    """Write the nodes at which both bodies have mass to ``nodes`` (2, m), within an extent (2,) from a corner (2,) in each
+    window; how many."""
     count = 0
-    for i in range(n_x):
-        for j in range(n_y):
-            a, b = (ia + i) * width_a + ja + j, (ib + i) * width_b + jb + j
-            if mass_a[a] > 0.0 and mass_b[b] > 0.0:
-                found[0, count], found[1, count] = a, b
+    for i in range(extent[0]):
+        a, b = (corner_a[0] + i) * width_a + corner_a[1], (corner_b[0] + i) * width_b + corner_b[1]
+        for j in range(extent[1]):
+            if mass_a[a + j] > 0.0 and mass_b[b + j] > 0.0:
+                nodes[0, count], nodes[1, count] = a + j, b + j
                 count += 1
-    return found[:, :count].copy()
+    return count
 
 
 @njit(cache=True)
-def meet(first, second, normal, allowed, opposed, friction, impulses):
+def check_impenetrability(first, second, touching, count, step, counts):
+    """C.3 once more: another pair may have pushed this one together again."""
+    for n in range(count):
+        a, b = touching.nodes[0, n], touching.nodes[1, n]
+        approach = (first.vx[a] - second.vx[b]) * touching.normal[0, n] + (first.vy[a] - second.vy[b]) * touching.normal[1, n]
+        speed = np.hypot(first.vx[a], first.vy[a]) + np.hypot(second.vx[b], second.vy[b])
+        counts[3] += approach > max(touching.gap[n], 0.0) / step + LEFT_BY_OTHERS * speed
+
+
+@njit(cache=True)
+def meet(first, second, touching, count, step, friction, rigid_velocities, sums):
     """Impulses between two bodies at their shared nodes, and the checks of Algorithm 3.
 
-    ``first, second`` : `ContactSide`. ``allowed`` (n,) is the normal speed at which the gap closes within the step.
+    ``first, second`` : `ContactSide`. A gap may close within the step.
     """
-    nodes_a, inverse_a, vxa, vya = first
-    nodes_b, inverse_b, vxb, vyb = second
-    pushes, totals, counts = impulses
-    for n in range(len(nodes_a)):
-        a, b, nx, ny = nodes_a[n], nodes_b[n], normal[0, n], normal[1, n]
+    _, vxa, vya, number_a, _ = first
+    _, vxb, vyb, number_b, _ = second
+    total_x = total_y = work = 0.0
+    for n in range(count):
+        touching.pushes[n] = 0.0
+        a, b = touching.nodes[0, n], touching.nodes[1, n]
+        nx, ny, allowed = touching.normal[0, n], touching.normal[1, n], max(touching.gap[n], 0.0) / step
         rx, ry = vxa[a] - vxb[b], vya[a] - vyb[b]
-        approach = rx * nx + ry * ny - allowed[n]
+        approach = rx * nx + ry * ny - allowed
         if approach <= 0.0:  # Eq. 6.40
             continue
-        reduced = 1.0 / (inverse_a[n] + inverse_b[n])
+        inverse_a = 0.0 if first.rigid else 1.0 / first.mass[a]
+        inverse_b = 0.0 if second.rigid else 1.0 / second.mass[b]
+        reduced = 1.0 / (inverse_a + inverse_b)
         push = reduced * approach  # Eqs. 6.32, 6.35, times the step
-        pushes[n] = push
+        touching.pushes[n] = push
         slip = -rx * ny + ry * nx
         stick = reduced * slip  # Eq. 6.37
         drag = min(friction * push, abs(stick)) * np.sign(stick)  # Eq. 6.38
         jx, jy = push * nx - drag * ny, push * ny + drag * nx  # Eq. 6.39
-        before = np.array([vxa[a], vya[a], vxb[b], vyb[b]])
-        vxa[a] -= inverse_a[n] * jx
-        vya[a] -= inverse_a[n] * jy
-        vxb[b] += inverse_b[n] * jx
-        vyb[b] += inverse_b[n] * jy
-        totals[0] += jx
-        totals[1] += jy
-        totals[2] -= drag * (slip - drag * (inverse_a[n] + inverse_b[n]))
-        counts[0] += 1
-        counts[1] += not opposed[n]
-        speed = abs(rx) + abs(ry)
-        if inverse_a[n] > 0.0 and inverse_b[n] > 0.0:
-            lost = (vxa[a] - before[0]) / inverse_a[n] + (vxb[b] - before[2]) / inverse_b[n]
-            lost = abs(lost) + abs((vya[a] - before[1]) / inverse_a[n] + (vyb[b] - before[3]) / inverse_b[n])
-            scale = (abs(before[0]) + abs(before[1])) / inverse_a[n] + (abs(before[2]) + abs(before[3])) / inverse_b[n]
-            counts[2] += lost > ROUND_OFF * (scale + abs(jx) + abs(jy))
-        rx, ry = vxa[a] - vxb[b], vya[a] - vyb[b]
-        largest = np.abs(before).max() + speed
-        counts[3] += abs(rx * nx + ry * ny - allowed[n]) > ROUND_OFF * largest
+        before = vxa[a], vya[a], vxb[b], vyb[b]
+        vxa[a] -= inverse_a * jx
+        vya[a] -= inverse_a * jy
+        vxb[b] += inverse_b * jx
+        vyb[b] += inverse_b * jy
+        total_x += jx
+        total_y += jy
+        work -= drag * (slip - drag * (inverse_a + inverse_b))
+        after = vxa[a], vya[a], vxb[b], vyb[b]
+        sums.counts[0] += 1
+        sums.counts[1] += not touching.opposed[n]
+        if inverse_a > 0.0 and inverse_b > 0.0:
+            sums.counts[2] += not _momentum_is_kept(before, after, inverse_a, inverse_b, abs(jx) + abs(jy))
+        largest = max(abs(before[0]), abs(before[1]), abs(before[2]), abs(before[3])) + abs(rx) + abs(ry)
+        rx, ry = after[0] - after[2], after[1] - after[3]
+        sums.counts[3] += abs(rx * nx + ry * ny - allowed) > ROUND_OFF * largest
         slides = abs(-rx * ny + ry * nx) > ROUND_OFF * largest
-        counts[4] += slides and abs(abs(drag) - friction * push) > ROUND_OFF * push
+        sums.counts[4] += slides and abs(abs(drag) - friction * push) > ROUND_OFF * push
+    given = total_x * rigid_velocities[number_a, 0] + total_y * rigid_velocities[number_a, 1]
+    given -= total_x * rigid_velocities[number_b, 0] + total_y * rigid_velocities[number_b, 1]
+    sums.work[0] += work
+    sums.work[1] += given
+    sums.impulse[number_a, 0] -= total_x
+    sums.impulse[number_a, 1] -= total_y
+    sums.impulse[number_b, 0] += total_x
+    sums.impulse[number_b, 1] += total_y
+
+
+@njit(inline="always")
+def _momentum_is_kept(before, after, inverse_a, inverse_b, size):
+    """C.2, against velocities of both bodies x, y before and after and the size of the impulse."""
+    lost = abs((after[0] - before[0]) / inverse_a + (after[2] - before[2]) / inverse_b)
+    lost += abs((after[1] - before[1]) / inverse_a + (after[3] - before[3]) / inverse_b)
+    scale = (abs(before[0]) + abs(before[1])) / inverse_a + (abs(before[2]) + abs(before[3])) / inverse_b
+    return lost <= ROUND_OFF * (scale + size)

@@ -12,7 +12,7 @@ from cases import Case
 from cases.bodies import Body
 from mpm.explicit.points import Points
 from mpm.explicit.stresses import BodyLaw, degraded_stresses, elastic_stresses
-from mpm.explicit.transfers import DRIFT, STRIP, PointUpdate, transfers, trial_velocities
+from mpm.explicit.transfers import DRIFT, PointUpdate, carried, transfers, trial_velocities
 from mpm.explicit.window import GridWindow, Lattice
 from mpm.grid import GridError
 from mpm.placement import PointCloud
@@ -102,14 +102,12 @@ class MovingBody:
         x += corner[0] - lower[0]
         y += corner[1] - lower[1]
         local = cells - lower[:, None]
+        cell = local[0] * int(shape[1]) + local[1]
         # one key in place of three: nearly in order since the last time, which this way of sorting makes use of
-        key = (local[0] * int(shape[1]) + local[1]) * (points.number.max() + 1) + points.number
-        order = np.argsort(key, kind="stable")
-        points.reorder(order)
-        strip = local[0][order] // STRIP
-        strips = np.searchsorted(strip, np.arange(strip[-1] + 2)).astype(np.int64)
-        self.window = GridWindow.over(lower, shape, strips)
-        self.wandering = Wandering(0.0, self.points.largest_speed(), np.zeros(len(strips) - 1))
+        points.reorder(np.argsort(cell * (points.number.max() + 1) + points.number, kind="stable"))
+        starts = np.append(0, np.cumsum(np.bincount(cell, minlength=int(np.prod(shape)))))
+        self.window = GridWindow.over(lower, shape, starts)
+        self.wandering = Wandering(0.0, self.points.largest_speed(), np.zeros(len(self.window.strips) - 1))
 
     def keep_sorted(self, step: float) -> None:
         """Sort anew before any point can wander more than a cell from where it was sorted."""
@@ -126,23 +124,18 @@ class MovingBody:
 
     def map_to_grid(self) -> None:
         """Mass, momentum and minus internal forces to the nodes."""
-        window, points = self.window, self.points
+        window = self.window
         if self.rigid and window.is_mapped and not self.rigid_velocity.any():
             return
         window.is_mapped = True
-        for array in window.sums:
-            array[:] = 0.0
-        self.transfers.to_grid(
-            window.strips, points.motion, points.matter, points.elastic, 1.0 / self.lattice.h, window.width, window.sums
-        )
-        self._map_gradients()
+        self._to_grid()
 
-    def _map_gradients(self) -> None:
-        window, points = self.window, self.points
-        if self._dynamics.affine and not self.rigid:
-            self.transfers.affine_to_grid(
-                window.strips, points.motion, points.matter, points.gradient, self.lattice.h, window.width, window.sums
-            )
+    def _to_grid(self) -> None:
+        window, points, affine = self.window, self.points, self._dynamics.affine and not self.rigid
+        self.transfers.to_grid(
+            window.strips, points.motion, points.matter, points.gradient, points.elastic, self.lattice.h,
+            float(affine), window.width, window.sums,
+        )  # fmt: skip
 
     def find_trial_velocities(self, step: float, acceleration: NDArray, damping: float) -> None:
         """Velocities of the nodes before the step and without contact after it.
@@ -179,15 +172,12 @@ class MovingBody:
 
     def _to_points(self, step: float, with_velocities: bool, with_strains: bool) -> None:
         points, dynamics, wandering, h = self.points, self._dynamics, self.wandering, self.lattice.h
-        velocities = self.window.velocities
-        np.subtract(velocities.vx, velocities.old_x, out=velocities.dx)
-        np.subtract(velocities.vy, velocities.old_y, out=velocities.dy)
         update = PointUpdate(
             step / h, dynamics.flip, dynamics.rotation == "corotational", (dynamics.affine or self.has_axes) / h,
             with_velocities, with_strains, not self.breakable, self.law.lam, self.law.mu,
         )  # fmt: skip
         self.transfers.to_points(
-            self.window.strips, velocities, self.window.width, update, points.motion, points.gradient, points.elastic,
+            self.window.strips, self.window.velocities, self.window.width, update, points.motion, points.gradient, points.elastic,
             wandering.fastest,
         )  # fmt: skip
         if with_velocities:
@@ -200,14 +190,11 @@ class MovingBody:
 
     def map_momentum_again(self) -> None:
         """Velocities of the nodes from those of the points after the step (MUSL)."""
-        window, sums, velocities = self.window, self.window.sums, self.window.velocities
-        sums.px[:], sums.py[:] = 0.0, 0.0
-        motion, matter = self.points.motion, self.points.matter
-        self.transfers.momentum_to_grid(window.strips, motion, matter, window.width, sums)
-        self._map_gradients()
+        sums, velocities = self.window.sums, self.window.velocities
+        self._to_grid()
         over = np.divide(1.0, sums.m, out=np.zeros_like(sums.m), where=sums.m > 0.0)
-        np.multiply(sums.px, over, out=velocities.vx)
-        np.multiply(sums.py, over, out=velocities.vy)
+        np.multiply(sums.fields[0::4], over, out=velocities.vx)
+        np.multiply(sums.fields[1::4], over, out=velocities.vy)
 
     def evaluate_stresses(self) -> None:
         """Stresses, and energy densities where the body can break, from the strains and the phase field."""
@@ -232,27 +219,21 @@ class MovingBody:
             return crack.g * crack.psi_plus + crack.psi_minus
         return 0.5 * (e.sxx * e.exx + e.syy * e.eyy + e.sxy * e.gxy)
 
-    def damping_power(self, rate: float) -> float:
-        """Power of the damping in this step, at most zero [energy/time]."""
-        v = self.window.velocities
-        return -rate * float((self.window.sums.m * (v.old_x * v.vx + v.old_y * v.vy)).sum()) if rate else 0.0
-
-    def moved(self) -> NDArray:
-        """Mass times velocity (2,) with which the points go in this step [force time]."""
-        sums, v = self.window.sums, self.window.velocities
-        return np.array([float((sums.m * v.vx).sum()), float((sums.m * v.vy).sum())])
+    def carried(self) -> tuple[float, float, float]:
+        """Mass times velocity x, y with which the points go in this step [force time], and times the one before it [energy]."""
+        return carried(self.window.sums.m, self.window.velocities)
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Everything that the next step needs, in the points' present order."""
         window, wandering = self.window, self.wandering
         return self.points.arrays() | {
-            "corner": window.corner, "shape": window.shape, "strips": window.strips,
+            "corner": window.corner, "shape": window.shape, "starts": window.starts,
             "wandered": np.array([wandering.far, wandering.largest_speed]),
         }  # fmt: skip
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to a checkpoint."""
         self.points = Points.of(saved)
-        self.window = GridWindow.over(saved["corner"], saved["shape"], saved["strips"])
+        self.window = GridWindow.over(saved["corner"], saved["shape"], saved["starts"])
         far, largest_speed = map(float, saved["wandered"])
         self.wandering = Wandering(far, largest_speed, np.zeros(len(self.window.strips) - 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,7 +15,7 @@ from cases import Case
 from cases.boundaries import BoundarySet
 from cases.course import Course
 from cases.loads import Traction
-from mpm.explicit.cell_splines import spline_values
+from mpm.explicit.cell_splines import basis
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.window import GridWindow
 from mpm.grid import GridError
@@ -53,6 +54,10 @@ class HeldLine:
     component: int
     velocity: float
     course: Course | None = None
+    _rows_of: GridWindow | None = None
+    _rows: NDArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    _from_window: float = 0.0
+    _cells: int = 0
 
     def begin_step(self, now: float, size: float) -> None:
         """Take the velocity of a step from a time on."""
@@ -64,39 +69,50 @@ class HeldLine:
 
         Raises BlewUpError where none of the body is left on the line.
         """
-        body, window, order = self.body, self.body.window, self.body.lattice.order
+        window, order = self.body.window, self.body.lattice.order
+        if self._rows_of is not window:
+            self._find_rows()
         so_far = self.velocity * now if self.course is None else float(self.course.displacement(now))
         moved = so_far if self.component == self.normal else 0.0
-        across = (self.place + moved - body.lattice.origin[self.normal]) / body.lattice.h - window.corner[self.normal]
-        cell = int(np.floor(across + 1e-9))
+        across = self._from_window + moved / self.body.lattice.h
+        cell = math.floor(across + 1e-9)
         held, impulse = False, 0.0
-        if 0 <= cell <= window.shape[self.normal] - 1 - order:
-            strides = (window.width, 1)
-            first = self._rows() * strides[1 - self.normal] + cell * strides[self.normal]
+        if 0 <= cell < self._cells:
             velocity = window.velocities.vx if self.component == 0 else window.velocities.vy
-            value = spline_values(order, across - cell)
-            held, impulse = hold(first, strides[self.normal], value, window.sums.m, velocity, self.velocity)
+            stride = 1 if self.normal else window.width
+            held, impulse = hold(
+                self._rows, cell * stride, stride, order, across - cell, window.sums.m, velocity, self.velocity
+            )  # fmt: skip
         if not held:
             raise BlewUpError(
-                f"none of body '{body.name}' is left on the line of {self.name}; hold its other direction too, or make"
+                f"none of body '{self.body.name}' is left on the line of {self.name}; hold its other direction too, or make"
                 " dynamics.end_time earlier"
             )
         return impulse
 
-    def _rows(self) -> NDArray:
-        """Numbers (n,) of the nodes along the line, from the window's first."""
-        along, lattice = 1 - self.normal, self.body.lattice
-        number = self.body.window.corner[along] + np.arange(self.body.window.shape[along])
+    def _find_rows(self) -> None:
+        """Rows of nodes along the line in the body's present window, and where the line is in it at the start."""
+        window, lattice, along = self.body.window, self.body.lattice, 1 - self.normal
+        number = window.corner[along] + np.arange(window.shape[along])
         places = lattice.origin[along] + lattice.h * (number - 0.5 * (lattice.order - 1))
         slack = (0.5 * lattice.order + 1e-9) * lattice.h
-        return np.flatnonzero((places >= self.low - slack) & (places <= self.high + slack))
+        rows = np.flatnonzero((places >= self.low - slack) & (places <= self.high + slack))
+        self._rows_of, self._rows = window, rows * (window.width if along == 0 else 1)
+        self._from_window = float((self.place - lattice.origin[self.normal]) / lattice.h - window.corner[self.normal])
+        self._cells = int(window.shape[self.normal]) - lattice.order
 
 
 @njit(cache=True)
-def hold(first, stride, weights, mass, velocity, target):
-    """Give each row of nodes the weighted velocity ``target``; returns whether any has mass, and the sum of impulses."""
+def hold(rows, offset, stride, order, xi, mass, velocity, target):
+    """Give each row of nodes the velocity ``target`` at xi of the cell that begins at an offset from the row's first node.
+
+    Returns whether any row has mass, and the sum of impulses.
+    """
     any_mass, total = False, 0.0
-    for start in first:
+    weights, slopes = np.empty(order + 1), np.empty(order + 1)
+    basis(order + 1, xi, weights, slopes)
+    for row in rows:
+        start = row + offset
         present, flexibility = 0.0, 0.0
         for a in range(len(weights)):
             node = start + a * stride
@@ -225,8 +241,8 @@ class Tractions:
             load.spread(now)
         for body in self._bodies:
             sums, tractions = body.window.sums, body.window.tractions
-            sums.fx[:] += tractions.x
-            sums.fy[:] += tractions.y
+            sums.fields[2::4] += tractions.x
+            sums.fields[3::4] += tractions.y
 
     def power(self) -> float:
         """Of the tractions in this step, on the mean of the velocities before and after it."""

@@ -177,8 +177,9 @@ class ExplicitMaterialPoints:
             self._count_boundary_work(impulses + self._hold(now), size, damping)
         self._update(now, size)
         if not self._frame.at_rest:
-            moved = np.sum([body.moved() for body in self._moving], axis=0)
-            self._outer_work += size * float(acceleration @ moved)
+            for body in self._moving:
+                x, y, _ = body.carried()
+                self._outer_work += size * (acceleration[0] * x + acceleration[1] * y)
         self._now = now + size
 
     def _update(self, now: float, size: float) -> None:
@@ -205,7 +206,7 @@ class ExplicitMaterialPoints:
 
     def _count_boundary_work(self, impulses: NDArray, size: float, damping: float) -> None:
         work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
-        work += size * (self._tractions.power() + sum(body.damping_power(damping) for body in self._moving))
+        work += size * (self._tractions.power() - damping * sum(body.carried()[2] for body in self._moving if damping))
         self._outer_work += work
         self._boundary_power = work / size
 

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit, prange
 
 from mpm.explicit.cell_splines import ROUNDED, basis, splines
-from mpm.explicit.stencil_sums import add_products, sum_products
+from mpm.explicit.stencil_sums import add_fields, add_products, sum_fields
 from mpm.explicit.stresses import elastic_stress, turned_strain
 
 #: cells that a point may wander from where it was sorted, in each direction
@@ -27,6 +27,8 @@ DRIFT = 1
 LATERAL = 0.75
 #: columns of cells in a strip: two strips of one colour must stay apart for cubic splines and drifting points
 STRIP = 6
+#: points whose displacement gradients are found before their strains turn, four at once
+TILE = 32
 
 
 class PointUpdate(NamedTuple):
@@ -52,29 +54,6 @@ class PointUpdate(NamedTuple):
     mu: float
 
 
-def _to_grid(k):
-    @njit(cache=True, parallel=True, fastmath=ROUNDED)
-    def to_grid(strips, motion, matter, elastic, over_h, width, sums):
-        """Masses (Eq. 3.58), momenta (6.24) and minus internal forces (6.25) of the nodes."""
-        x, y, vx, vy, mass, volume = motion.x, motion.y, motion.vx, motion.vy, matter.mass, matter.volume
-        sxx, syy, sxy = elastic.sxx, elastic.syy, elastic.sxy
-        m, px, py, fx, fy = sums
-        for colour in range(2):
-            for half in prange((len(strips) - colour) // 2):
-                strip = 2 * half + colour
-                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
-                    i, j = int(x[p]), int(y[p])
-                    (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
-                    first, v = i * width + j, -volume[p] * over_h
-                    add_products(k, m, first, width, ((mass[p], wx, wy),))
-                    add_products(k, px, first, width, ((mass[p] * vx[p], wx, wy),))
-                    add_products(k, py, first, width, ((mass[p] * vy[p], wx, wy),))
-                    add_products(k, fx, first, width, ((v * sxx[p], dx, wy), (v * sxy[p], wx, dy)))
-                    add_products(k, fy, first, width, ((v * sxy[p], dx, wy), (v * syy[p], wx, dy)))
-
-    return to_grid
-
-
 @njit(fastmath=ROUNDED)
 def _times_offset(k, weight, xi):
     """The k of four weights times the way from a point at xi of a cell to their nodes, in cells."""
@@ -82,45 +61,65 @@ def _times_offset(k, weight, xi):
     return (-start * weight[0], (1.0 - start) * weight[1], (2.0 - start) * weight[2], (3.0 - start) * weight[3])
 
 
-def _affine_to_grid(k):
+def _to_grid(k):
     @njit(cache=True, parallel=True, fastmath=ROUNDED)
-    def affine_to_grid(strips, motion, matter, gradient, h, width, sums):
-        """Momenta of the points' velocity gradients c about the points, added to those of the nodes."""
-        x, y, mass, px, py = motion.x, motion.y, matter.mass, sums.px, sums.py
+    def to_grid(strips, motion, matter, gradient, elastic, h, affine, width, sums):
+        """Masses (Eq. 3.58), momenta (6.24) and minus internal forces (6.25) of the nodes.
+
+        affine : 1 where momenta count the points' velocity gradients about them, else 0.
+        """
+        x, y, vx, vy, mass, volume = motion.x, motion.y, motion.vx, motion.vy, matter.mass, matter.volume
+        sxx, syy, sxy = elastic.sxx, elastic.syy, elastic.sxy
         cxx, cxy, cyx, cyy = gradient
+        m, fields = sums
+        over_h, arm = 1.0 / h, affine * h
+        for row in prange(len(m) // width):
+            m[row * width : (row + 1) * width] = 0.0
+            fields[4 * row * width : 4 * (row + 1) * width] = 0.0
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
                 for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
                     i, j = int(x[p]), int(y[p])
-                    wx, wy = splines(k, x[p] - i)[0], splines(k, y[p] - j)[0]
+                    (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
                     off_x, off_y = _times_offset(k, wx, x[p] - i), _times_offset(k, wy, y[p] - j)
-                    first, arm = i * width + j, h * mass[p]
-                    add_products(k, px, first, width, ((arm * cxx[p], off_x, wy), (arm * cxy[p], wx, off_y)))
-                    add_products(k, py, first, width, ((arm * cyx[p], off_x, wy), (arm * cyy[p], wx, off_y)))
+                    first, one, v = i * width + j, mass[p] * arm, -volume[p] * over_h
+                    add_products(k, m, first, width, ((mass[p], wx, wy),))
+                    add_fields(
+                        k, fields, first, width, (wx, off_x, dx), (wy, off_y, dy),
+                        (mass[p] * vx[p], mass[p] * vy[p], 0.0, 0.0),
+                        (one * cxx[p], one * cyx[p], v * sxx[p], v * sxy[p]),
+                        (one * cxy[p], one * cyy[p], v * sxy[p], v * syy[p]),
+                    )  # fmt: skip
 
-    return affine_to_grid
+    return to_grid
 
 
-def _momentum_to_grid(k):
-    @njit(cache=True, parallel=True, fastmath=ROUNDED)
-    def momentum_to_grid(strips, motion, matter, width, sums):
-        """Momenta of the nodes (Eq. 6.24) alone."""
-        x, y, vx, vy, mass, px, py = motion.x, motion.y, motion.vx, motion.vy, matter.mass, sums.px, sums.py
-        for colour in range(2):
-            for half in prange((len(strips) - colour) // 2):
-                strip = 2 * half + colour
-                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
-                    i, j = int(x[p]), int(y[p])
-                    wx, wy = splines(k, x[p] - i)[0], splines(k, y[p] - j)[0]
-                    add_products(k, px, i * width + j, width, ((mass[p] * vx[p], wx, wy),))
-                    add_products(k, py, i * width + j, width, ((mass[p] * vy[p], wx, wy),))
-
-    return momentum_to_grid
+@njit(fastmath=ROUNDED, error_model="numpy")
+def turn_strains(start, number, tile, corotational, exx, eyy, gxy):
+    """Strains of points after a step, whose gradients xx, xy, yx, yy lie ``TILE`` apart in ``tile``."""
+    if corotational:
+        for q in range(number):
+            strain = turned_strain(
+                exx[start + q], eyy[start + q], gxy[start + q], tile[q], tile[q + TILE], tile[q + 2 * TILE],
+                tile[q + 3 * TILE], True,
+            )  # fmt: skip
+            tile[q], tile[q + TILE], tile[q + 2 * TILE] = strain
+    else:
+        for q in range(number):
+            shear = tile[q + TILE] + tile[q + 2 * TILE]
+            tile[q], tile[q + TILE] = exx[start + q] + tile[q], eyy[start + q] + tile[q + 3 * TILE]
+            tile[q + 2 * TILE] = gxy[start + q] + shear
+    for q in range(number):
+        exx[start + q] = tile[q]
+    for q in range(number):
+        eyy[start + q] = tile[q + TILE]
+    for q in range(number):
+        gxy[start + q] = tile[q + 2 * TILE]
 
 
 def _to_points(k):
-    @njit(cache=True, parallel=True, fastmath=ROUNDED)
+    @njit(cache=True, parallel=True, fastmath=ROUNDED, error_model="numpy")
     def to_points(strips, velocities, width, update, motion, gradient, elastic, fastest):
         """Velocities of the points (Eq. 6.43) and how far they move in a unit of time (Eq. 6.45); strains and places;
         stresses where the body cannot break.
@@ -128,93 +127,111 @@ def _to_points(k):
         ``fastest`` (n_strips,) takes the largest square of the velocity that carries a point of each strip.
         """
         factor, flip, corotational, affine, with_velocities, with_strains, with_stresses, lam, mu = update
-        grid_vx, grid_vy, grid_dx, grid_dy = velocities.vx, velocities.vy, velocities.dx, velocities.dy
         x, y, vx, vy, moved_x, moved_y = motion
         cxx, cxy, cyx, cyy = gradient
         exx, eyy, gxy, sxx, syy, sxy = elastic
+        old_x, old_y, new_x, new_y, packed = velocities
+        for row in prange(len(new_x) // width):
+            for node in range(row * width, (row + 1) * width):
+                packed[4 * node], packed[4 * node + 1] = new_x[node], new_y[node]
+                packed[4 * node + 2], packed[4 * node + 3] = new_x[node] - old_x[node], new_y[node] - old_y[node]
         for strip in prange(len(strips) - 1):
             largest = 0.0
-            for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
-                i, j = int(x[p]), int(y[p])
-                (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
-                first = i * width + j
-                # all sums before anything is stored, so that what they share is computed once
-                ux = sum_products(k, grid_vx, first, width, wx, wy)
-                uy = sum_products(k, grid_vy, first, width, wx, wy)
-                cx = sum_products(k, grid_dx, first, width, wx, wy)
-                cy = sum_products(k, grid_dy, first, width, wx, wy)
-                l00 = sum_products(k, grid_vx, first, width, dx, wy)
-                l01 = sum_products(k, grid_vx, first, width, wx, dy)
-                l10 = sum_products(k, grid_vy, first, width, dx, wy)
-                l11 = sum_products(k, grid_vy, first, width, wx, dy)
-                if with_velocities:
-                    vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
-                    vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
-                    moved_x[p], moved_y[p] = ux, uy
-                    largest = max(largest, ux * ux + uy * uy)
-                    if not largest >= ux * ux + uy * uy:
-                        largest = np.inf
-                if with_strains:
-                    xx, yy, xy = turned_strain(
-                        exx[p], eyy[p], gxy[p], factor * l00, factor * l01, factor * l10, factor * l11, corotational
+            begin, end = np.uintp(strips[strip]), np.uintp(strips[strip + 1])
+            tile = np.empty(4 * TILE)
+            for start in range(begin, end, np.uintp(TILE)):
+                number = min(np.uintp(TILE), end - start)
+                for q in range(number):
+                    p = start + q
+                    i, j = int(x[p]), int(y[p])
+                    ux, uy, cx, cy, l00, l10, _, _, l01, l11, _, _ = sum_fields(
+                        k, packed, i * width + j, width, splines(k, x[p] - i), splines(k, y[p] - j)
                     )
-                    exx[p], eyy[p], gxy[p] = xx, yy, xy
+                    if with_velocities:
+                        vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
+                        vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
+                        moved_x[p], moved_y[p] = ux, uy
+                        largest = max(largest, ux * ux + uy * uy)
+                        if not largest >= ux * ux + uy * uy:
+                            largest = np.inf
+                    if with_strains:
+                        tile[q], tile[q + TILE] = factor * l00, factor * l01
+                        tile[q + 2 * TILE], tile[q + 3 * TILE] = factor * l10, factor * l11
+                        if affine > 0.0:
+                            cxx[p], cxy[p], cyx[p], cyy[p] = affine * l00, affine * l01, affine * l10, affine * l11
+                        x[p] += factor * moved_x[p]
+                        y[p] += factor * moved_y[p]
+                if with_strains:
+                    turn_strains(start, number, tile, corotational, exx, eyy, gxy)
                     if with_stresses:
-                        sxx[p], syy[p], sxy[p] = elastic_stress(xx, yy, xy, lam, mu)
-                    if affine > 0.0:
-                        cxx[p], cxy[p], cyx[p], cyy[p] = affine * l00, affine * l01, affine * l10, affine * l11
-                    x[p] += factor * moved_x[p]
-                    y[p] += factor * moved_y[p]
+                        for p in range(start, start + number):
+                            sxx[p], syy[p], sxy[p] = elastic_stress(exx[p], eyy[p], gxy[p], lam, mu)
             fastest[strip] = largest
 
     return to_points
 
 
 def _mass_slopes(k):
-    @njit(cache=True, parallel=True)
-    def mass_slopes(strips, motion, matter, width, surface):
-        """Gradients of the mass (Eq. 6.33) at the nodes of the marked cells, times the spacing."""
+    @njit(cache=True)
+    def mass_slopes(nodes, starts, motion, matter, width, surface):
+        """Gradients of the mass (Eq. 6.33) at nodes (n,), times the spacing; keeps which points are near them."""
         x, y, mass = motion.x, motion.y, matter.mass
-        touches, slope_x, slope_y = surface.touches, surface.slope_x, surface.slope_y
-        for colour in range(2):
-            for half in prange((len(strips) - colour) // 2):
-                strip = 2 * half + colour
-                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
-                    i, j = int(x[p]), int(y[p])
-                    if not touches[i * width + j]:
-                        continue
-                    (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
-                    add_products(k, slope_x, i * width + j, width, ((mass[p], dx, wy),))
-                    add_products(k, slope_y, i * width + j, width, ((mass[p], wx, dy),))
+        slope_x, slope_y, low, high = surface.slope_x, surface.slope_y, surface.low, surface.high
+        find_near(nodes, k - 1, width, low, high)
+        slope_x[:], slope_y[:], surface.reach[:] = 0.0, 0.0, np.inf
+        for column in range(len(low)):
+            for p in near(starts, column * width, low[column], high[column]):
+                i, j = int(x[p]), int(y[p])
+                (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
+                add_products(k, slope_x, i * width + j, width, ((mass[p], dx, wy),))
+                add_products(k, slope_y, i * width + j, width, ((mass[p], wx, dy),))
 
     return mass_slopes
 
 
+@njit(cache=True)
+def find_near(nodes, order, width, low, high):
+    """Rows from ``low`` (n_columns,) up to before ``high`` of the cells in which points of nodes (n,) were sorted."""
+    low[:], high[:] = width, 0
+    for node in nodes:
+        i, j = node // width, node % width
+        for column in range(max(0, i - order - DRIFT), min(len(low) - 1, i + DRIFT) + 1):
+            low[column] = min(low[column], max(0, j - order - DRIFT))
+            high[column] = max(high[column], min(width - 1, j + DRIFT) + 1)
+
+
+@njit(inline="always")
+def near(starts, first, low, high):
+    """Numbers of the points that were sorted into a part of a column of cells whose first cell is ``first``."""
+    return range(starts[first + low], starts[first + high]) if low < high else range(0, 0)
+
+
 def _reaches(k):
-    @njit(cache=True, parallel=True)
-    def reaches(strips, motion, matter, width, surface):
-        """Largest place along the nodes' normals to which the points beside them reach, from the nodes, in cells."""
+    @njit(cache=True)
+    def reaches(starts, motion, matter, width, surface):
+        """Largest place along the nodes' normals to which the points near them reach, from the nodes, in cells.
+
+        It is infinite, and not sought, where a node has no normal.
+        """
         x, y, size_x, size_y = motion.x, motion.y, matter.size_x, matter.size_y
-        touches, normal_x, normal_y, reach = surface.touches, surface.normal_x, surface.normal_y, surface.reach
-        for colour in range(2):
-            for half in prange((len(strips) - colour) // 2):
-                strip = 2 * half + colour
-                for p in range(strips[strip], strips[strip + 1]):
-                    i, j = int(x[p]), int(y[p])
-                    if not touches[i * width + j]:
-                        continue
-                    for a in range(k):
-                        for b in range(k):
-                            node = (i + a) * width + j + b
-                            nx, ny = normal_x[node], normal_y[node]
-                            # a node stands (order - 1) / 2 cells before the cell's corner of the same number
-                            off_x, off_y = x[p] - (i + a) + 0.5 * (k - 2), y[p] - (j + b) + 0.5 * (k - 2)
-                            aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2)
-                            if abs(off_y * nx - off_x * ny) > LATERAL * aside:
-                                continue
-                            along = off_x * nx + off_y * ny
-                            along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
-                            reach[node] = max(reach[node], along)
+        normal_x, normal_y, reach = surface.normal_x, surface.normal_y, surface.reach
+        for column in range(len(surface.low)):
+            for p in near(starts, column * width, surface.low[column], surface.high[column]):
+                i, j = int(x[p]), int(y[p])
+                for a in range(k):
+                    for b in range(k):
+                        node = (i + a) * width + j + b
+                        if reach[node] == np.inf:
+                            continue
+                        nx, ny = normal_x[node], normal_y[node]
+                        # a node stands (order - 1) / 2 cells before the cell's corner of the same number
+                        off_x, off_y = x[p] - (i + a) + 0.5 * (k - 2), y[p] - (j + b) + 0.5 * (k - 2)
+                        aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2)
+                        if abs(off_y * nx - off_x * ny) > LATERAL * aside:
+                            continue
+                        along = off_x * nx + off_y * ny
+                        along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
+                        reach[node] = max(reach[node], along)
 
     return reaches
 
@@ -240,8 +257,6 @@ def _spread(k):
 #: code can be kept on disk
 _MAKERS = (
     _to_grid,
-    _affine_to_grid,
-    _momentum_to_grid,
     _to_points,
     _mass_slopes,
     _reaches,
@@ -262,14 +277,26 @@ def transfers(order: int) -> SimpleNamespace:
 @njit(cache=True, parallel=True)
 def trial_velocities(width, step, gravity_x, gravity_y, damping, sums, velocities):
     """Velocities of the nodes before the step, from their momenta, and without contact after it (Eqs. 6.26, 6.27)."""
-    m, px, py, fx, fy = sums
+    m, fields = sums
     old_x, old_y, vx, vy = velocities.old_x, velocities.old_y, velocities.vx, velocities.vy
     for row in prange(len(m) // width):
         for node in range(row * width, (row + 1) * width):
             if m[node] > 0.0:
                 over = 1.0 / m[node]
-                old_x[node], old_y[node] = px[node] * over, py[node] * over
-                vx[node] = old_x[node] + step * (fx[node] * over + gravity_x - damping * old_x[node])
-                vy[node] = old_y[node] + step * (fy[node] * over + gravity_y - damping * old_y[node])
+                old_x[node], old_y[node] = fields[4 * node] * over, fields[4 * node + 1] * over
+                vx[node] = old_x[node] + step * (fields[4 * node + 2] * over + gravity_x - damping * old_x[node])
+                vy[node] = old_y[node] + step * (fields[4 * node + 3] * over + gravity_y - damping * old_y[node])
             else:
                 old_x[node] = old_y[node] = vx[node] = vy[node] = 0.0
+
+
+@njit(cache=True)
+def carried(m, velocities):
+    """Sums over the nodes of mass times velocity x, y, and times the velocity before the step."""
+    old_x, old_y, vx, vy = velocities.old_x, velocities.old_y, velocities.vx, velocities.vy
+    x = y = damped = 0.0
+    for node in range(len(m)):
+        x += m[node] * vx[node]
+        y += m[node] * vy[node]
+        damped += m[node] * (old_x[node] * vx[node] + old_y[node] * vy[node])
+    return x, y, damped

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mpm.explicit.transfers import STRIP
+
 
 @dataclass(frozen=True)
 class Lattice:
@@ -19,24 +21,21 @@ class Lattice:
 
 
 class NodeSums(NamedTuple):
-    """What points give to the nodes: mass, momentum, force."""
+    """What points give to the nodes: mass, and momentum x, y and force x, y side by side (4 n_nodes,)."""
 
     m: NDArray
-    px: NDArray
-    py: NDArray
-    fx: NDArray
-    fy: NDArray
+    fields: NDArray
 
 
 class NodeVelocities(NamedTuple):
-    """Velocity of the nodes before and after the step, and its change."""
+    """Velocity of the nodes before and after the step; ``packed`` (4 n_nodes,) holds that after it and its change, side
+    by side for each node."""
 
     old_x: NDArray
     old_y: NDArray
     vx: NDArray
     vy: NDArray
-    dx: NDArray
-    dy: NDArray
+    packed: NDArray
 
 
 class NodeTractions(NamedTuple):
@@ -47,14 +46,16 @@ class NodeTractions(NamedTuple):
 
 
 class NodeSurface(NamedTuple):
-    """Where bodies meet: mass gradient, normal, how far the body reaches along it, and the cells around shared nodes."""
+    """Where bodies meet: mass gradient, normal, how far the body reaches along it; ``low, high`` (n_columns,) are the rows
+    of the cells in each column whose points are near."""
 
     slope_x: NDArray
     slope_y: NDArray
     normal_x: NDArray
     normal_y: NDArray
     reach: NDArray
-    touches: NDArray
+    low: NDArray
+    high: NDArray
 
 
 @dataclass
@@ -64,12 +65,14 @@ class GridWindow:
     Attributes
     ----------
     corner, shape : (2,) first node in the lattice, and the number of nodes.
+    starts : (n_nodes + 1,) first point of each cell, of the number of its first node, in which points were sorted.
     strips : (n_strips + 1,) first point of each strip of columns of cells.
     is_mapped : the nodes' sums are those of the body's points.
     """
 
     corner: NDArray
     shape: NDArray
+    starts: NDArray
     strips: NDArray
     sums: NodeSums
     velocities: NodeVelocities
@@ -78,13 +81,17 @@ class GridWindow:
     is_mapped: bool = False
 
     @classmethod
-    def over(cls, corner: NDArray, shape: NDArray, strips: NDArray) -> GridWindow:
+    def over(cls, corner: NDArray, shape: NDArray, starts: NDArray) -> GridWindow:
         """A window whose arrays are zero."""
-        size = int(np.prod(shape))
-        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (5, 6, 2, 5))
-        surface.append(np.zeros(size, bool))
+        size, width = int(np.prod(shape)), int(shape[1])
+        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (1, 4, 2, 5))
+        for group in (sums, velocities):
+            group.append(np.zeros(4 * size))
+        surface += [np.zeros(shape[0], np.int64) for _ in range(2)]
+        firsts = starts[: -1 : STRIP * width]
+        strips = np.append(firsts[firsts < starts[-1]], starts[-1])
         return cls(
-            corner, shape, strips, NodeSums(*sums), NodeVelocities(*velocities), NodeTractions(*tractions),
+            corner, shape, starts, strips, NodeSums(*sums), NodeVelocities(*velocities), NodeTractions(*tractions),
             NodeSurface(*surface),
         )  # fmt: skip
 

@@ -165,3 +165,28 @@ def support_error(run: RunData, *, start: float, end: float) -> float:
     impulse, momentum = (at_time(run, name, end) - at_time(run, name, start) for name in columns)
     weight = block.mass * case.plane.thickness * block.gravity
     return abs((impulse - momentum) / (end - start) / weight - 1.0)
+
+
+@metric("length", "how far beyond the block's edge the corner lies about which it rocks freely")
+def base_offset(run: RunData) -> float:
+    """Size of that distance, from the balance of energy between the first two impacts behind the ground's motion.
+
+    Free on a corner at a distance b beside the centre, the rate r and the angle a keep
+    (I/m + h² + b²) r²/2 + g (h cos a + b sin |a|), h half of the height: b is fitted where the angle is beyond half of
+    its peak.
+    """
+    time, angle, rate = rocking_of(run)
+    from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
+
+    block, end = block_of(run.case), ground_motion(run.case).end
+    found = [impact for impact in impacts_of(time, angle) if impact > end]
+    if not found:
+        raise MetricError(f"{run_name(run)}: no impact follows the ground's motion; run it longer")
+    free = (time > found[0]) & (time < (found[1] if len(found) > 1 else math.inf))
+    size = np.abs(angle)
+    chosen = free & (size > 0.5 * size[free].max())
+    half_width, half_height = 0.5 * block.width, 0.5 * block.height
+    turning = block.inertia / block.mass + half_height**2 + half_width**2
+    kept = 0.5 * turning * rate[chosen] ** 2 + block.gravity * half_height * np.cos(angle[chosen])
+    terms = np.column_stack([-block.gravity * np.sin(size[chosen]), np.ones(int(chosen.sum()))])
+    return abs(float(np.linalg.lstsq(terms, kept, rcond=None)[0][0]) - half_width)
