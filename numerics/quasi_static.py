@@ -5,22 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from cases import Case
 
+from .conjugates import AT_START, MarchState, conjugate_force, gives_way, noted, path_targets, step_work, why_it_ends
 from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
 from .refinement import FollowingDiscretisation
-from .staggered import LoadWork, NewtonError, QuasiStaticDiscretisation, StepOutcome, staggered_step
+from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, staggered_step
 from .status import RunStatus
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
 QUIET_SHARE = 0.25
-#: below it material gives way where it is displaced out of all proportion
-GIVING_PHASE_FIELD = 0.5
 #: growth of the increment after a quiet one
 GROWTH = 1.5
 #: shortening of an increment that was undone
@@ -36,34 +34,6 @@ BROKEN_THROUGH = "broken through"
 GIVES_WAY = "the body breaks through and no state is in equilibrium with the load"
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
-
-
-@dataclass(frozen=True)
-class MarchState:
-    """What the march along the load path needs to go on from an increment.
-
-    Attributes
-    ----------
-    leg : number of the path's target
-    next_size : of the increment to come [unit of the load parameter]
-    peak : largest force so far
-    peak_at : distance of the load parameter from its start there
-    controlled : the fracture energy leads, not the load
-    reaction : force conjugate to the load parameter on the way that comes next
-    displaced : work of the forces that follow the load, at load factor one, on the displacement so far
-    heat : of the stress on the eigenstrain that follows the load, at load factor one
-    compliance : smallest size of F over the load so far, of forces alone; 0 while there is none
-    """
-
-    leg: int = 0
-    next_size: float = 0.0
-    peak: float = 0.0
-    peak_at: float = 0.0
-    controlled: bool = False
-    reaction: float = 0.0
-    displaced: float = 0.0
-    heat: float = 0.0
-    compliance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -88,7 +58,7 @@ class Increment:
     status: RunStatus
     share: float
     reason: str = ""
-    march: MarchState = MarchState()
+    march: MarchState = AT_START
 
     @property
     def is_last(self) -> bool:
@@ -176,7 +146,7 @@ class _LoadPath:
         self.done = after.share * self.limits.length if after else 0.0
         self.started = time.perf_counter() - (after.seconds if after else 0.0)
         self.newton_before = discretisation.costs.count["newton"]
-        self.targets = _targets(case)
+        self.targets = path_targets(case)
 
     @property
     def load(self) -> float:
@@ -339,24 +309,18 @@ class _LoadPath:
             return outcome, GIVES_WAY
         return outcome, "" if outcome.reason == BROKEN_THROUGH else outcome.reason
 
-    def _force(self, load: float) -> float:
-        """F of the trial state at a load."""
-        if self.case.loaded_by_factor and not self.case.moved_by_load:
-            work = self.discretisation.work_of_loads()
-            return self.march.displaced + work.following - work.heat
-        return self.discretisation.reaction_force(self._beyond(load) if load == self.load else self.load)
-
     def _beyond(self, load: float) -> float:
         """The load that is on the way to come from one that is reached; itself at the end."""
         coming = (target for target in self.targets[self.march.leg :] if target != load)
         return next(coming, load)
 
+    def _force(self, load: float) -> float:
+        """F of the trial state at a load."""
+        towards = self._beyond(load) if load == self.load else self.load
+        return conjugate_force(self.discretisation, self.case, self.march, towards)
+
     def _gives_way(self, load: float) -> bool:
-        """Whether forces that nothing holds displace a broken body out of all proportion."""
-        if self.case.moved_by_load or not self.case.load.stop_when_broken or not self.march.compliance:
-            return False
-        proportion = self.march.compliance * abs(load) / self.case.load.broken_fraction
-        return bool(abs(self._force(load)) > proportion and self.discretisation.phase_field.min() < GIVING_PHASE_FIELD)
+        return gives_way(self.discretisation, self.case, self.march, load, self._force(load))
 
     def _advance_energy(self) -> float:
         before = self.last.fracture_energy if self.last else 0.0
@@ -389,12 +353,13 @@ class _LoadPath:
 
     def _accept(self, load: float, outcome: StepOutcome) -> Increment:
         discretisation, before = self.discretisation, self.last
-        force, external_work = self._force(load), self._external_work(load)
+        force = self._force(load)
+        external_work = before.external_work + step_work(discretisation, self.march, before.u, load) if before else 0.0
         elastic, fracture = discretisation.energies()
         broken = before is not None and self._broken(force, load)
         if abs(force) > self.march.peak:
             self.march = replace(self.march, peak=abs(force), peak_at=abs(load - self.case.load.path[0]))
-        self._note_loads(load, force, discretisation.work_of_loads())
+        self.march = noted(discretisation, self.case, self.march, load, self._beyond(load), force)
         newton = discretisation.costs.count["newton"]
         discretisation.commit(outcome.history_field)
         self.last = Increment(
@@ -417,45 +382,9 @@ class _LoadPath:
         discretisation.costs.count["staggered_iterations"] += outcome.iterations
         return self.last
 
-    def _external_work(self, load: float) -> float:
-        """Of constraints and of what acts on the bodies since the first state, by the trapezoidal rule."""
-        if self.last is None:
-            return 0.0
-        work, before, march = self.discretisation.work_of_loads(), self.last, self.march
-        reaction = self.discretisation.reaction_force(before.u) if load != before.u else march.reaction
-        of_load = 0.5 * (reaction + march.reaction - work.heat - march.heat) * (load - before.u)
-        return before.external_work + of_load + work.constant + 0.5 * (load + before.u) * work.following
-
-    def _note_loads(self, load: float, force: float, work: LoadWork) -> None:
-        """Keep what the next increment's work begins with."""
-        alone = self.case.loaded_by_factor and not self.case.moved_by_load
-        compliance = abs(force / load) if alone and load else 0.0
-        self.march = replace(
-            self.march,
-            reaction=self.discretisation.reaction_force(self._beyond(load)),
-            displaced=self.march.displaced + work.following,
-            heat=work.heat,
-            compliance=min(self.march.compliance or np.inf, compliance) if compliance else self.march.compliance,
-        )
-
     def _report_failure(self, problem: str) -> Increment:
         assert self.last is not None
-        reason = f"{problem}; the smallest increment {self.case.load.smallest:g} after u = {self.load:g} failed"
-        if self.case.loaded_by_factor and self.march.controlled:
-            reason = f"{problem}, after u = {self.load:g}"
-        elif self.case.loaded_by_factor:
-            reason += ', so the load cannot rise further; load.control = "dissipation" follows what comes after'
+        reason = why_it_ends(self.case, self.march, problem, self.load)
         status = RunStatus.BROKEN_THROUGH if problem == GIVES_WAY else RunStatus.NO_CONVERGENCE
         self.last = replace(self.last, status=status, reason=reason)
         return self.last
-
-
-def _targets(case: Case) -> list[float]:
-    """Loads that the path runs to in turn: its own, and between them those at which a table has a row."""
-    rows = np.concatenate([[], *(c.course.times for c in case.constraints if c.course is not None)])
-    targets: list[float] = []
-    for start, end in pairwise(case.load.path):
-        slack = 1e-9 * abs(end - start)
-        between = np.unique(rows[(rows > min(start, end) + slack) & (rows < max(start, end) - slack)])
-        targets += [*map(float, between if end > start else between[::-1]), end]
-    return targets

@@ -64,7 +64,7 @@ class QuasiStaticDiscretisation(Protocol):
     def undo(self) -> None:
         """Back to the last committed state."""
 
-    def reaction_force(self, towards: float | None = None) -> float:
+    def reaction_force(self, towards: float) -> float:
         """Force of the constraints that is conjugate to the load parameter on its way to another load, trial state."""
 
     def work_of_loads(self) -> LoadWork:

@@ -54,6 +54,26 @@ def eigenstrains(case: Case) -> Acts:
     return acts
 
 
+class EigenstrainAtPoints:
+    """Eigenstrains at points of bodies.
+
+    gradient : (..., 4) of the displacement. stress : (..., 3) what would hold whole material back from it [stress].
+    """
+
+    def __init__(self, case: Case, materials: MaterialTable, body: NDArray) -> None:
+        """``body`` (...) is the number of each point's body."""
+        self.gradient = Acts(*(gradient[body] for gradient in eigenstrains(case)))
+        self.stress = Acts(*(eigenstress(materials, gradient, body) for gradient in self.gradient))
+
+    def elastic(self, gradient: NDArray, load: float) -> NDArray:
+        """What the elastic law acts on: the gradient (..., 4) at a load less the eigenstrain."""
+        return gradient if self.gradient.is_none else gradient - self.gradient.at(load)
+
+    def heat(self, stress: NDArray, volume: NDArray) -> float:
+        """Work of the stress (..., 3) in volumes (...) on the eigenstrain at load factor one [energy]."""
+        return float((work_density(stress, self.gradient.following) * volume).sum())
+
+
 def eigenstress(materials: MaterialTable, gradient: NDArray, body: NDArray) -> NDArray:
     """Stress (..., 3) that holds whole material of bodies (...) back from a gradient (..., 4) [stress]."""
     strain = np.stack([gradient[..., 0], gradient[..., 3], gradient[..., 1] + gradient[..., 2]], axis=-1)

@@ -27,7 +27,7 @@ from numerics.phase_field_equation import ScalarAtPoints
 from numerics.refinement import carried
 from numerics.staggered import LoadWork, NewtonError
 from numerics.surface import loaded_lengths
-from physics.acting import Acts, eigenstrains, eigenstress, work_density
+from physics.acting import Acts, EigenstrainAtPoints
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
 
@@ -107,9 +107,8 @@ class FiniteElements:
         constraints, breaks = self._equilibrium.constraints, bool(materials.breakable.any())
         _check_built(case, basis, constraints)
         self._fracture = MeshPhaseField(case, basis, materials, constraints, self.costs) if breaks else None
-        self._eigenstrain = Acts(*(gradient[basis.body, None] for gradient in eigenstrains(case)))
-        stresses = [eigenstress(materials, gradient, basis.body[:, None]) for gradient in self._eigenstrain]
-        self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in stresses))
+        self._eigenstrain = EigenstrainAtPoints(case, materials, basis.body[:, None])
+        self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
         coefficients = PhaseFieldCoefficients(materials, basis.body[:, None])
         self._residual_stiffness = coefficients.residual_stiffness
         self._set_states(coefficients)
@@ -237,23 +236,19 @@ class FiniteElements:
         moved = trial.displacement - geometry.displacement
         kernels.displacement_gradients(self.basis.elements, geometry.slope, moved, geometry.gradient, trial.gradient)
         kernels.even_dilation(self.basis.elements, geometry.dilation, moved, trial.gradient)
+        elastic = self._eigenstrain.elastic(trial.gradient, trial.load)
         kernels.internal_forces(
-            geometry.slope, geometry.dilation, geometry.volume, self._elastic_gradient(), trial.degradation, *self._law,
+            geometry.slope, geometry.dilation, geometry.volume, elastic, trial.degradation, *self._law,
             self._equilibrium.local.vectors, trial.stress, trial.energy,
         )  # fmt: skip
-
-    def _elastic_gradient(self) -> NDArray:
-        """The gradient (n_el, n_gauss, 4) less the eigenstrain: what the elastic law acts on."""
-        none = self._eigenstrain.is_none
-        return self.trial.gradient if none else self.trial.gradient - self._eigenstrain.at(self.trial.load)
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Newton step -K^-1 R with the consistent tangent (Eq. 3.59)."""
         with self.costs.timed("assembly"):
             stiffness = np.maximum(self.trial.degradation, TORN_STIFFNESS)
-            geometry = self.geometry
+            geometry, elastic = self.geometry, self._eigenstrain.elastic(self.trial.gradient, self.trial.load)
             kernels.tangents(
-                geometry.slope, geometry.dilation, geometry.volume, self._elastic_gradient(), stiffness, *self._law,
+                geometry.slope, geometry.dilation, geometry.volume, elastic, stiffness, *self._law,
                 self._equilibrium.local.matrices,
             )  # fmt: skip
             values = self._equilibrium.tangent_at(self.trial.displacement)
@@ -311,18 +306,16 @@ class FiniteElements:
 
     # ---------------------------------------------------------------- what can be seen
 
-    def reaction_force(self, towards: float | None = None) -> float:
+    def reaction_force(self, towards: float) -> float:
         """Force conjugate to the load parameter on its way, from the residual at the prescribed unknowns."""
-        load = self.trial.load
-        rates = self._equilibrium.constraints.prescribed_rates(load, load if towards is None else towards)
+        rates = self._equilibrium.constraints.prescribed_rates(self.trial.load, towards)
         return float(self.trial.nodal_forces @ rates)
 
     def work_of_loads(self) -> LoadWork:
         """Of tractions, body forces and eigenstrains since the last committed state."""
         moved = (self.trial.displacement - self.committed.displacement).reshape(-1)
         constant, following = (float(forces @ moved) for forces in self._equilibrium.external)
-        heat = work_density(self.trial.stress, self._eigenstrain.following) * self.geometry.volume
-        return LoadWork(constant, following, float(heat.sum()))
+        return LoadWork(constant, following, self._eigenstrain.heat(self.trial.stress, self.geometry.volume))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""

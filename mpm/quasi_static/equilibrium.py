@@ -9,6 +9,8 @@ from scipy.sparse import csr_matrix
 from cases import Case
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.constraints import NodeMotions, PointPenalty
+from mpm.quasi_static.displacement_kernels import internal_forces
+from mpm.quasi_static.point_basis import PointBasis
 from numerics.closing import ClosingFaces
 from numerics.costs import Costs
 from numerics.displacement_equations import DisplacementEquations
@@ -45,6 +47,13 @@ class GridEquilibrium(DisplacementEquations):
         super().__init__(active.cells.nodes, equations, self.tied.stop, costs, case.mpm.linear_solver, extra)
         costs.count["pattern_builds"] += 1
         costs.count["unknowns_displacement"], costs.count["cells"] = self.size, len(self.unknowns)
+
+    def norm_of_forces(self, basis: PointBasis, stress: NDArray) -> float:
+        """Norm of the nodal forces of stresses (n_points, 3): a scale where nothing else acts."""
+        if not stress.any():
+            return 0.0
+        internal_forces(basis.active.cells, basis.values, stress, self.local.vectors)
+        return float(np.linalg.norm(self.internal_forces()))
 
     def seen_part(self, values: NDArray, cell: NDArray) -> csr_matrix:
         """Matrix of the unknowns that points in some cells (n_points,) see, and of tied places."""

@@ -27,7 +27,7 @@ from numerics.fields import Fields
 from numerics.newton import TORN_STIFFNESS, newton
 from numerics.staggered import LoadWork
 from numerics.surface import loaded_lengths
-from physics.acting import Acts, eigenstrains, eigenstress, work_density
+from physics.acting import Acts, EigenstrainAtPoints
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
 
@@ -51,8 +51,7 @@ class MaterialPoints:
         self._closing = closing_faces(case, grid, materials)
         check_built(case, grid, cloud, self._node_motions, self._springs)
         self._loads = PointLoads(case, grid, cloud)
-        self._eigenstrain = Acts(*(gradient[cloud.body] for gradient in eigenstrains(case)))
-        self._eigenstress = [eigenstress(materials, gradient, cloud.body) for gradient in self._eigenstrain]
+        self._eigenstrain = EigenstrainAtPoints(case, materials, cloud.body)
         coefficients = PhaseFieldCoefficients(materials, cloud.body)
         self._residual_stiffness = coefficients.residual_stiffness
         self.state = PointState.first(
@@ -105,16 +104,8 @@ class MaterialPoints:
             self._fracture.find_points(basis.active)
         self._springs.find_in_grid(basis, self._equilibrium.equations, self._equilibrium.size)
         self._external = self._loads.on_nodes(basis, self._equilibrium, self.state.positions)
-        self._held_back = Acts(*(self._norm_of_forces(stress) for stress in self._eigenstress))
+        self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
         self.costs.count["active_cells"] = int(np.count_nonzero(basis.active.counts))
-
-    def _norm_of_forces(self, stress: NDArray) -> float:
-        """Norm of the nodal forces of stresses (n_points, 3): a scale where nothing else acts."""
-        if not stress.any():
-            return 0.0
-        vectors = self._equilibrium.local.vectors
-        kernels.internal_forces(self.basis.active.cells, self.basis.values, stress, vectors)
-        return float(np.linalg.norm(self._equilibrium.internal_forces()))
 
     def _use_cells(self, active: ActiveGrid) -> None:
         """Number the equations of the cells in use."""
@@ -172,12 +163,8 @@ class MaterialPoints:
     def _evaluate_stresses(self) -> None:
         trial, basis = self.trial, self.basis
         kernels.add_gradients(basis.active.cells, basis.values, trial.increment, self.state.gradient, trial.gradient)
-        kernels.stresses(self._elastic_gradient(), trial.degradation, *self._law, trial.stress, trial.energy)
-
-    def _elastic_gradient(self) -> NDArray:
-        """The gradient (n_points, 4) less the eigenstrain: what the elastic law acts on."""
-        none = self._eigenstrain.is_none
-        return self.trial.gradient if none else self.trial.gradient - self._eigenstrain.at(self.trial.load)
+        elastic = self._eigenstrain.elastic(trial.gradient, trial.load)
+        kernels.stresses(elastic, trial.degradation, *self._law, trial.stress, trial.energy)
 
     def _spring_forces(self) -> NDArray:
         """Forces (n_springs,) of the penalty."""
@@ -195,7 +182,8 @@ class MaterialPoints:
         trial, basis = self.trial, self.basis
         stiffness = np.maximum(trial.degradation, TORN_STIFFNESS)
         local = self._equilibrium.local.matrices
-        kernels.tangents(basis.active.cells, basis.values, self._elastic_gradient(), stiffness, *self._law, local)
+        elastic = self._eigenstrain.elastic(trial.gradient, trial.load)
+        kernels.tangents(basis.active.cells, basis.values, elastic, stiffness, *self._law, local)
         values = self._equilibrium.tangent()
         pattern, equations = self._equilibrium.pattern, self._equilibrium.equations
         self._springs.add_stiffness(pattern, values)
@@ -260,19 +248,17 @@ class MaterialPoints:
 
     # ---------------------------------------------------------------- what can be seen
 
-    def reaction_force(self, towards: float | None = None) -> float:
+    def reaction_force(self, towards: float) -> float:
         """Force conjugate to the load parameter on its way: from the residual at prescribed nodes or the penalty."""
         load = self.trial.load
-        to = load if towards is None else towards
-        of_springs = -float(self._spring_forces() @ self._springs.rates(load, to))
-        return of_springs + self._node_motions.conjugate_force(self.trial.nodal_forces, load, to)
+        of_springs = -float(self._spring_forces() @ self._springs.rates(load, towards))
+        return of_springs + self._node_motions.conjugate_force(self.trial.nodal_forces, load, towards)
 
     def work_of_loads(self) -> LoadWork:
         """Of tractions, body forces and eigenstrains since the last committed state."""
         moved = self.trial.increment.reshape(-1)
         constant, following = (float(forces @ moved) for forces in self._external)
-        heat = work_density(self.trial.stress, self._eigenstrain.following) @ self.basis.values.volume
-        return LoadWork(constant, following, float(heat))
+        return LoadWork(constant, following, self._eigenstrain.heat(self.trial.stress, self.basis.values.volume))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""

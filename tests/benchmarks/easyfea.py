@@ -84,7 +84,7 @@ def iterations_in_turn(asked: argparse.Namespace) -> "pd.DataFrame":
         theirs = time.perf_counter() - started
         simulation.Save_Iter()
         row = {"u_mm": u, "iterations": asked.iterations}
-        row |= {"F_kN": elements.reaction_force(), "F_easyfea_kN": force(simulation, y)}
+        row |= {"F_kN": elements.reaction_force(u), "F_easyfea_kN": force(simulation, y)}
         row |= {"s_per_iteration": ours / asked.iterations, "s_per_iteration_easyfea": theirs / asked.iterations}
         row |= {"ratio": theirs / ours, "difference": row["F_kN"] / row["F_easyfea_kN"] - 1.0}
         rows.append(row)
