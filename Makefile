@@ -11,7 +11,7 @@ BIN := .venv/bin
 HISTORY ?=
 MAP ?=
 
-.PHONY: help install judge verify charts test lint readme clean
+.PHONY: help install judge verify charts test lint readme docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -67,6 +67,11 @@ lint: .venv/developed ## style, types and the import contract
 
 readme: .venv/installed ## write the recorded times and ratios of docs/measured.toml into README.md
 	$(BIN)/python -c 'from pathlib import Path; from reports.pages import write_marked; write_marked(Path("README.md"), Path("docs/measured.toml"))'
+
+docs: .venv/light ## build the documentation site into build/docs/site
+	$(PIP) -e '.[docs]'
+	$(BIN)/python docs/site.py build/docs
+	$(BIN)/mkdocs build --quiet --strict -f build/docs/mkdocs.yml
 
 clean: ## remove the results, the virtual environment and all caches
 	rm -rf .venv $(OUT) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

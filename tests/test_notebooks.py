@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "docs" / "notebooks"
-SHOWN = {"first_run": "complete", "own_mesh": "it has steel, glue", "own_result": "phasefieldx"}
+SHOWN = {"first_run": "complete", "own_mesh": "name one of steel, glue", "own_result": "phasefieldx"}
 
 
 def shown(notebook: dict[str, Any]) -> str:

@@ -1,7 +1,7 @@
 """EasyFEA as a third judge: quasi-static cases of ours on the mesh of our finite elements, solved by others' code.
 
 Taken from us are the case and the mesh (nodes, cells). Elements, quadrature, split, staggered scheme and solution are
-EasyFEA's (Noii et al. and Miehe's history field; doi 10.21105/joss.06973), the increments are chosen here.
+EasyFEA's, with Miehe's history field; the increments are chosen here.
 """
 
 from __future__ import annotations

@@ -76,7 +76,9 @@ class Metric:
             raise MetricError(f"metric {self.name}: {error}; its parameters are: {known}") from None
         value = float(self.function(*runs, **parameters))
         if not math.isfinite(value):
-            raise MetricError(f"metric {self.name}: has no finite value for this run; look at its history")
+            # of a result from elsewhere that does not hold what it is taken from
+            kind = NotGivenError if math.isnan(value) else MetricError
+            raise kind(f"metric {self.name}: has no finite value for this run; look at its history")
         return value
 
     @property
