@@ -50,20 +50,6 @@ def crack_angle(run: RunData) -> float:
     return paths.path_angle(_crack(run))
 
 
-@metric("degree", "angle between the only notch and the first part of the crack")
-def kink_angle(run: RunData, *, length: float) -> float:
-    """Degrees, 0 to 180, from the notch's direction to the chord over the first ``length`` of the crack at its end."""
-    if len(run.case.all_notches) != 1:
-        raise MetricError(f"{run_name(run)}: has {len(run.case.all_notches)} notches, not one to kink from; ask for crack_angle")
-    (notch,) = run.case.all_notches
-    path = _crack(run)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    if along[-1] < length:
-        raise MetricError(f"{run_name(run)}: its crack is {along[-1]:g} long, less than {length:g}; load it further")
-    chord = [np.interp(length, along, path[:, axis]) - path[0, axis] for axis in (0, 1)]
-    return float(np.degrees(np.arccos(np.clip(np.asarray(chord) @ notch.direction / np.hypot(*chord), -1.0, 1.0))))
-
-
 @metric("degree", "direction of the crack in a layer", period=LINE)
 def crack_angle_in_layer(run: RunData, *, lower: float, upper: float) -> float:
     """Direction of the part of the crack between two heights y [length]: degrees from the x axis, 0 to 180."""
