@@ -79,7 +79,7 @@ class Springs:
         self.inertia = self.mass * (WIDTH**2 + HEIGHT**2) / 12.0
 
     def rates(self, time, state):
-        x, y, angle, vx, vy, spin, slip = state
+        _, y, angle, vx, vy, spin, slip = state
         ground, sine, cosine = self.ground, math.sin(angle), math.cos(angle)
         down = -0.5 * HEIGHT
         arm_x, arm_y = self.places * cosine - down * sine, self.places * sine + down * cosine

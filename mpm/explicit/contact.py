@@ -244,8 +244,10 @@ class Contact:
 
 @njit(cache=True)
 def share_nodes(mass_a, width_a, corner_a, mass_b, width_b, corner_b, extent, nodes):
-    """Write the nodes at which both bodies have mass to ``nodes`` (2, m), within an extent (2,) from a corner (2,) in each
-    window; how many."""
+    """Write the nodes at which both bodies have mass to ``nodes`` (2, m), and tell how many.
+
+    They lie within an extent (2,) from a corner (2,) in each window.
+    """
     count = 0
     for i in range(extent[0]):
         a, b = (corner_a[0] + i) * width_a + corner_a[1], (corner_b[0] + i) * width_b + corner_b[1]
@@ -261,7 +263,8 @@ def check_impenetrability(first, second, touching, count, step, counts):
     """C.3 once more: another pair may have pushed this one together again."""
     for n in range(count):
         a, b = touching.nodes[0, n], touching.nodes[1, n]
-        approach = (first.vx[a] - second.vx[b]) * touching.normal[0, n] + (first.vy[a] - second.vy[b]) * touching.normal[1, n]
+        nx, ny = touching.normal[0, n], touching.normal[1, n]
+        approach = (first.vx[a] - second.vx[b]) * nx + (first.vy[a] - second.vy[b]) * ny
         speed = np.hypot(first.vx[a], first.vy[a]) + np.hypot(second.vx[b], second.vy[b])
         counts[3] += approach > max(touching.gap[n], 0.0) / step + LEFT_BY_OTHERS * speed
 
