@@ -230,9 +230,7 @@ class Contact:
         """Sums since the start and since the last record."""
         loads = {"floor_load": self._floor_load, "last_floor_load": self._last_floor_load}
         arrays = {name: np.array(list(load.items())).reshape(-1, 2) for name, load in loads.items()}
-        return arrays | {
-            name: array.copy() for name, array in self._sums._asdict().items()
-        }
+        return arrays | {name: array.copy() for name, array in self._sums._asdict().items()}
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to a checkpoint."""

@@ -94,7 +94,8 @@ class HeldLine:
 def hold(rows, offset, stride, order, xi, mass, velocity, target):
     """Give each row of nodes the velocity ``target`` at a place of it.
 
-    xi : the place in its cell, which begins at an offset from the row's first node. Returns whether any row has mass, and the sum of impulses.
+    xi : the place in its cell, which begins at an offset from the row's first node. Returns whether any row has mass, and
+    the sum of impulses.
     """
     any_mass, total = False, 0.0
     weights, slopes = np.empty(order + 1), np.empty(order + 1)
