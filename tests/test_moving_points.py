@@ -211,7 +211,7 @@ def test_the_normal_of_a_named_body_holds_at_the_corner_of_another(named):
     solver.contact.detect()
     pair = solver.contact.pairs[0]
     leaning = np.abs(pair.touching.normal[0, : pair.count])
-    assert pair.count and (leaning.max() < 1e-12) is named
+    assert pair.count and bool(leaning.max() < 1e-12) == named
 
 
 def test_a_rigid_body_pushes_on_and_gives_what_it_does_as_work():
