@@ -176,7 +176,8 @@ class Contact:
                 find_mass_slopes(self._bodies[number], [pair.own_nodes(number)])
                 find_reach(self._bodies[number])
             pair.touch(by_distance=True)
-            find_gaps(*(body.window.surface for body in self._bodies[:2]), 1.0, pair.touching, 0)
+            first, second = (self._bodies[number].window.surface for number in pair.numbers)
+            find_gaps(first, second, 1.0, pair.touching, 0)
             pair.count = 0
             self._meet(pair, 1.0)
             check_impenetrability(*pair.sides(), pair.touching, 0, 1.0, self._sums.counts)
