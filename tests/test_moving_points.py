@@ -201,6 +201,19 @@ def test_normals_that_agree_are_counted_where_bodies_approach(approach):
     assert (solver.contact.violations["contact_C1"] > 0) == approach
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_the_normal_of_a_named_body_holds_at_the_corner_of_another(named):
+    ground = {"material": "soft", "shape": {"rectangle": {"lower": [-2.0, -1.0], "upper": [3.0, 0.0]}}}
+    bodies = {"block": square(0.0, velocity=[0.0, -0.05]), "ground": ground}
+    solver = ExplicitMaterialPoints(case_of(bodies, contact={"normals_of": "ground"} if named else {}))
+    for body in solver.bodies:
+        body.map_to_grid()
+    solver.contact.detect()
+    pair = solver.contact.pairs[0]
+    leaning = np.abs(pair.touching.normal[0, : pair.count])
+    assert pair.count and bool(leaning.max() < 1e-12) == named
+
+
 def test_a_rigid_body_pushes_on_and_gives_what_it_does_as_work():
     """A wall that moves drives a square before it: momentum and energy come from outside."""
     bodies = {"wall": square(0.0, rigid=True, velocity=[0.05, 0.0]), "a": square(1.05)}

@@ -176,7 +176,8 @@ class Contact:
                 find_mass_slopes(self._bodies[number], [pair.own_nodes(number)])
                 find_reach(self._bodies[number])
             pair.touch(by_distance=True)
-            find_gaps(*(body.window.surface for body in self._bodies[:2]), 1.0, pair.touching, 0)
+            first, second = (self._bodies[number].window.surface for number in pair.numbers)
+            find_gaps(first, second, 1.0, pair.touching, 0)
             pair.count = 0
             self._meet(pair, 1.0)
             check_impenetrability(*pair.sides(), pair.touching, 0, 1.0, self._sums.counts)
@@ -230,9 +231,7 @@ class Contact:
         """Sums since the start and since the last record."""
         loads = {"floor_load": self._floor_load, "last_floor_load": self._last_floor_load}
         arrays = {name: np.array(list(load.items())).reshape(-1, 2) for name, load in loads.items()}
-        return arrays | {
-            name: array.copy() for name, array in self._sums._asdict().items()
-        }
+        return arrays | {name: array.copy() for name, array in self._sums._asdict().items()}
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to a checkpoint."""
@@ -244,8 +243,10 @@ class Contact:
 
 @njit(cache=True)
 def share_nodes(mass_a, width_a, corner_a, mass_b, width_b, corner_b, extent, nodes):
-    """Write the nodes at which both bodies have mass to ``nodes`` (2, m), within an extent (2,) from a corner (2,) in each
-    window; how many."""
+    """Write the nodes at which both bodies have mass to ``nodes`` (2, m), and tell how many.
+
+    They lie within an extent (2,) from a corner (2,) in each window.
+    """
     count = 0
     for i in range(extent[0]):
         a, b = (corner_a[0] + i) * width_a + corner_a[1], (corner_b[0] + i) * width_b + corner_b[1]
@@ -261,7 +262,8 @@ def check_impenetrability(first, second, touching, count, step, counts):
     """C.3 once more: another pair may have pushed this one together again."""
     for n in range(count):
         a, b = touching.nodes[0, n], touching.nodes[1, n]
-        approach = (first.vx[a] - second.vx[b]) * touching.normal[0, n] + (first.vy[a] - second.vy[b]) * touching.normal[1, n]
+        nx, ny = touching.normal[0, n], touching.normal[1, n]
+        approach = (first.vx[a] - second.vx[b]) * nx + (first.vy[a] - second.vy[b]) * ny
         speed = np.hypot(first.vx[a], first.vy[a]) + np.hypot(second.vx[b], second.vy[b])
         counts[3] += approach > max(touching.gap[n], 0.0) / step + LEFT_BY_OTHERS * speed
 

@@ -177,8 +177,8 @@ class MovingBody:
             with_velocities, with_strains, not self.breakable, self.law.lam, self.law.mu,
         )  # fmt: skip
         self.transfers.to_points(
-            self.window.strips, self.window.velocities, self.window.width, update, points.motion, points.gradient, points.elastic,
-            wandering.fastest,
+            self.window.strips, self.window.velocities, self.window.width, update, points.motion, points.gradient,
+            points.elastic, wandering.fastest,
         )  # fmt: skip
         if with_velocities:
             wandering.largest_speed = float(np.sqrt(wandering.fastest.max()))
@@ -220,7 +220,8 @@ class MovingBody:
         return 0.5 * (e.sxx * e.exx + e.syy * e.eyy + e.sxy * e.gxy)
 
     def carried(self) -> tuple[float, float, float]:
-        """Mass times velocity x, y with which the points go in this step [force time], and times the one before it [energy]."""
+        """Mass times velocity x, y with which the points go in this step [force time], and the latter times the velocity
+        before the step [energy]."""
         return carried(self.window.sums.m, self.window.velocities)
 
     def checkpoint(self) -> dict[str, NDArray]:

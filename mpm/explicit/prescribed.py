@@ -85,8 +85,8 @@ class HeldLine:
             )  # fmt: skip
         if not held:
             raise BlewUpError(
-                f"none of body '{self.body.name}' is left on the line of {self.name}; hold its other direction too, or make"
-                " dynamics.end_time earlier"
+                f"none of body '{self.body.name}' is left on the line of {self.name}; hold its other direction too, or"
+                " make dynamics.end_time earlier"
             )
         return impulse
 
@@ -104,9 +104,10 @@ class HeldLine:
 
 @njit(cache=True)
 def hold(rows, offset, stride, order, xi, mass, velocity, target):
-    """Give each row of nodes the velocity ``target`` at xi of the cell that begins at an offset from the row's first node.
+    """Give each row of nodes the velocity ``target`` at a place of it.
 
-    Returns whether any row has mass, and the sum of impulses.
+    xi : the place in its cell, which begins at an offset from the row's first node. Returns whether any row has mass, and
+    the sum of impulses.
     """
     any_mass, total = False, 0.0
     weights, slopes = np.empty(order + 1), np.empty(order + 1)

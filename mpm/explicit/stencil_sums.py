@@ -100,7 +100,10 @@ def add_fields(typing_context, k, fields, first, width, across, along, even, acr
         even, *slopes = (_row(builder, four) for four in numbers)
         weights = [[_repeated(builder, w) for w in _numbers(builder, pair, 0, count)] for pair in (across, along)]
         exchanged = [
-            [_row_of(builder, (one, one, two, two)) for one, two in zip(*(_numbers(builder, three, part, count) for part in (1, 2)))]
+            [
+                _row_of(builder, (one, one, two, two))
+                for one, two in zip(*(_numbers(builder, three, part, count) for part in (1, 2)), strict=True)
+            ]
             for three in (across, along)
         ]
         for a in range(count):

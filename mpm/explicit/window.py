@@ -46,8 +46,10 @@ class NodeTractions(NamedTuple):
 
 
 class NodeSurface(NamedTuple):
-    """Where bodies meet: mass gradient, normal, how far the body reaches along it; ``low, high`` (n_columns,) are the rows
-    of the cells in each column whose points are near."""
+    """Where bodies meet: mass gradient, normal, how far the body reaches along it.
+
+    ``low, high`` (n_columns,) are the rows of the cells in each column whose points are near.
+    """
 
     slope_x: NDArray
     slope_y: NDArray
