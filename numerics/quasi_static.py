@@ -228,17 +228,14 @@ class _LoadPath:
 
     def _advance_by_load(self, target: float) -> Increment:
         """An increment of the load, cut until it can be accepted."""
-        direction = np.sign(target - self.load)
-        smallest_size = self.case.load.smallest
+        way, smallest_size = target - self.load, self.case.load.smallest
         while True:
-            size = min(self.march.next_size, abs(target - self.load))
+            size = min(self.march.next_size, abs(way))
             # do not leave a sliver before the target
-            left = abs(target - self.load) - size
-            ends = left < 1e-9 * self.limits.length
-            load = target if ends else round(self.load + direction * size, self.limits.digits)
+            ends = abs(way) - size < 1e-9 * self.limits.length
+            load = target if ends else round(self.load + np.sign(way) * size, self.limits.digits)
             smallest = size <= smallest_size * 1.001
-            cautious = self.limits.adaptive and (self.dissipative or not smallest)
-            outcome, problem = self._try(self.case, load, cautious)
+            outcome, problem = self._try(self.case, load, self.limits.adaptive and (self.dissipative or not smallest))
             if not problem and self._refine():
                 continue
             if not problem:

@@ -47,6 +47,23 @@ class CommittedState:
     load: float
     force_scale: float = 0.0
 
+    @classmethod
+    def first(
+        cls, case: Case, basis: ElementBasis, coefficients: PhaseFieldCoefficients, fracture: MeshPhaseField | None
+    ) -> CommittedState:
+        """Unloaded material, whole but for its notches."""
+        shape = basis.volume.shape
+        toughness, length_scale = (
+            np.broadcast_to(values, shape) for values in (coefficients.toughness, coefficients.length_scale)
+        )
+        return cls(
+            displacement=np.zeros((len(basis.nodes), 2)),
+            gradient=np.zeros((*shape, 4)),
+            nodal_phase_field=fracture.first() if fracture else np.ones(len(basis.nodes)),
+            history_field=initial_history(case, basis.gauss_points, toughness, length_scale).ravel(),
+            load=case.load.path[0],
+        )
+
 
 @dataclass
 class TrialState:
@@ -67,6 +84,22 @@ class TrialState:
     nodal_forces: NDArray
     load: float
     applied: float = 0.0
+
+    @classmethod
+    def of(cls, committed: CommittedState) -> TrialState:
+        """The trial state from which nothing has moved yet."""
+        shape = committed.gradient.shape[:2]
+        return cls(
+            displacement=committed.displacement.copy(),
+            gradient=committed.gradient.copy(),
+            stress=np.zeros((*shape, 3)),
+            energy=np.zeros((*shape, 2)),
+            nodal_phase_field=committed.nodal_phase_field,
+            at_points=ScalarAtPoints.intact(shape),
+            degradation=np.ones(shape),
+            nodal_forces=np.zeros(committed.displacement.size),
+            load=committed.load,
+        )
 
 
 @dataclass(frozen=True)
@@ -111,38 +144,15 @@ class FiniteElements:
         self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
         coefficients = PhaseFieldCoefficients(materials, basis.body[:, None])
         self._residual_stiffness = coefficients.residual_stiffness
-        self._set_states(coefficients)
+        self.committed = CommittedState.first(case, basis, coefficients, self._fracture)
+        self.trial = TrialState.of(self.committed)
+        gradient = self.committed.gradient
+        self.geometry = Geometry.of(case, basis.slope, basis.volume, self.committed.displacement, gradient)
         self.costs.count.update(
             unknowns_displacement=self._equilibrium.size,
             unknowns_phase_field=0,
             points=basis.volume.size,
             cells=len(basis.elements),
-        )
-
-    def _set_states(self, coefficients: PhaseFieldCoefficients) -> None:
-        basis, shape, load = self.basis, self.basis.volume.shape, self.case.load.path[0]
-        toughness, length_scale = (
-            np.broadcast_to(values, shape) for values in (coefficients.toughness, coefficients.length_scale)
-        )
-        displacement, gradient = np.zeros((len(basis.nodes), 2)), np.zeros((*shape, 4))
-        self.geometry = Geometry.of(self.case, basis.slope, basis.volume, displacement, gradient)
-        self.committed = CommittedState(
-            displacement=displacement,
-            gradient=gradient,
-            nodal_phase_field=self._fracture.first() if self._fracture else np.ones(len(basis.nodes)),
-            history_field=initial_history(self.case, basis.gauss_points, toughness, length_scale).ravel(),
-            load=load,
-        )
-        self.trial = TrialState(
-            displacement=displacement.copy(),
-            gradient=gradient.copy(),
-            stress=np.zeros((*shape, 3)),
-            energy=np.zeros((*shape, 2)),
-            nodal_phase_field=self.committed.nodal_phase_field,
-            at_points=ScalarAtPoints.intact(shape),
-            degradation=np.ones(shape),
-            nodal_forces=np.zeros(displacement.size),
-            load=load,
         )
 
     # ---------------------------------------------------------------- staggered scheme

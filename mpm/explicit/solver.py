@@ -214,7 +214,7 @@ class ExplicitMaterialPoints:
 
     def balance(self) -> Balance:
         """Energies and momentum of the bodies that are not rigid."""
-        moving, motions = self._moving, self._motions()
+        moving, motions = self._moving, [BodyMotion.of(body) for body in self._moving]
         momentum = np.sum([motion.momentum for motion in motions], axis=0)
         return Balance(
             elastic=sum(float((body.energy_density() * body.points.matter.volume).sum()) for body in moving),
@@ -225,9 +225,6 @@ class ExplicitMaterialPoints:
             contact_work=self.contact.work,
             momentum=(float(momentum[0]), float(momentum[1])),
         )
-
-    def _motions(self) -> list[BodyMotion]:
-        return [BodyMotion.of(body) for body in self._moving]
 
     def least_phase_field(self) -> float:
         """Smallest phase field of all points."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -348,6 +349,14 @@ def _holds(motions: list[PrescribedMotion], places: list[NDArray], part: NDArray
     component = _joined([np.full(len(m.places), m.component) for m in motions], int)
     tied = _joined([np.full(len(m.places), n if m.tied else -1) for n, m in enumerate(motions)], int)
     return Holds(np.concatenate([np.zeros((0, 2)), *places]), component, part[numbers], tied)
+
+
+class Supports(NamedTuple):
+    """All that holds and moves a body: nodes, springs at points, and the faces of slits that close."""
+
+    nodes: NodeMotions
+    springs: PointPenalty
+    faces: ClosingFaces
 
 
 def node_motions(case: Case, grid: Grid) -> NodeMotions:

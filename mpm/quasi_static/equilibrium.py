@@ -8,10 +8,9 @@ from scipy.sparse import csr_matrix
 
 from cases import Case
 from mpm.quasi_static.active_grid import ActiveGrid
-from mpm.quasi_static.constraints import NodeMotions, PointPenalty
+from mpm.quasi_static.constraints import Supports
 from mpm.quasi_static.displacement_kernels import internal_forces
 from mpm.quasi_static.point_basis import PointBasis
-from numerics.closing import ClosingFaces
 from numerics.costs import Costs
 from numerics.displacement_equations import DisplacementEquations
 
@@ -22,26 +21,20 @@ class GridEquilibrium(DisplacementEquations):
     ``prescribed`` (2 n_nodes,) are the unknowns held at nodes.
     """
 
-    def __init__(
-        self,
-        case: Case,
-        active: ActiveGrid,
-        nodes: NodeMotions,
-        springs: PointPenalty,
-        closing: ClosingFaces,
-        costs: Costs,
-    ) -> None:
+    def __init__(self, case: Case, active: ActiveGrid, supports: Supports, costs: Costs) -> None:
+        springs = supports.springs
         n_unknowns = 2 * active.n_nodes
         used = np.zeros(active.n_nodes, bool)
         used[active.cells.nodes.ravel()] = True
-        self.prescribed, master = nodes.bind(n_unknowns)
+        self.prescribed, master = supports.nodes.bind(n_unknowns)
         free = np.repeat(used, 2) & ~self.prescribed
         leading = free & (master == np.arange(n_unknowns))
         numbers = np.where(leading, np.cumsum(leading) - 1, -1)
         equations = np.where(free, numbers[master], -1).astype(np.int32)
         grid_size = int(leading.sum())
-        pairs = [p for p in (springs.coupling(equations, grid_size), closing.coupling(equations)) if p is not None]
-        extra = np.concatenate(pairs) if pairs else None
+        pairs = (springs.coupling(equations, grid_size), supports.faces.coupling(equations))
+        coupled = [pair for pair in pairs if pair is not None]
+        extra = np.concatenate(coupled) if coupled else None
         #: equations of tied places
         self.tied = slice(grid_size, grid_size + springs.n_tied)
         super().__init__(active.cells.nodes, equations, self.tied.stop, costs, case.mpm.linear_solver, extra)

@@ -15,11 +15,12 @@ from mpm.placement import place_points, placement_health
 from mpm.quasi_static import displacement_kernels as kernels
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.built import check_built
-from mpm.quasi_static.constraints import closing_faces, node_motions, point_penalty
+from mpm.quasi_static.constraints import Supports, closing_faces, node_motions, point_penalty
 from mpm.quasi_static.equilibrium import GridEquilibrium
 from mpm.quasi_static.loads import PointLoads
 from mpm.quasi_static.phase_field import GridPhaseField
 from mpm.quasi_static.point_basis import PointBasis
+from mpm.quasi_static.point_fields import fields_of
 from mpm.quasi_static.point_state import Places, PointState, TrialState
 from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
@@ -46,10 +47,10 @@ class MaterialPoints:
         self.basis = PointBasis(case, grid, cloud, materials)
         breaks = bool(materials.breakable.any())
         self._fracture = GridPhaseField(case, grid, materials, cloud.body, self.costs) if breaks else None
-        self._node_motions = node_motions(case, grid)
-        self._springs = point_penalty(case, cloud, materials)
-        self._closing = closing_faces(case, grid, materials)
-        check_built(case, grid, cloud, self._node_motions, self._springs)
+        self._supports = Supports(
+            node_motions(case, grid), point_penalty(case, cloud, materials), closing_faces(case, grid, materials)
+        )
+        check_built(case, grid, cloud, self._supports)
         self._loads = PointLoads(case, grid, cloud)
         self._eigenstrain = EigenstrainAtPoints(case, materials, cloud.body)
         coefficients = PhaseFieldCoefficients(materials, cloud.body)
@@ -58,7 +59,7 @@ class MaterialPoints:
             cloud.positions,
             initial_history(case, cloud.positions, coefficients.toughness, coefficients.length_scale),
             self._fracture.first() if self._fracture else np.ones(grid.n_nodes),
-            (len(self._springs.places), self._springs.n_tied),
+            (len(self._supports.springs.places), self._supports.springs.n_tied),
             case.load.path[0],
         )
         self.trial = TrialState.of(self.state)
@@ -102,16 +103,14 @@ class MaterialPoints:
             self._use_cells(basis.active)
         if self._fracture:
             self._fracture.find_points(basis.active)
-        self._springs.find_in_grid(basis, self._equilibrium.equations, self._equilibrium.size)
+        self._supports.springs.find_in_grid(basis, self._equilibrium.equations, self._equilibrium.size)
         self._external = self._loads.on_nodes(basis, self._equilibrium, self.state.positions)
         self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
         self.costs.count["active_cells"] = int(np.count_nonzero(basis.active.counts))
 
     def _use_cells(self, active: ActiveGrid) -> None:
         """Number the equations of the cells in use."""
-        self._equilibrium = GridEquilibrium(
-            self.case, active, self._node_motions, self._springs, self._closing, self.costs
-        )
+        self._equilibrium = GridEquilibrium(self.case, active, self._supports, self.costs)
         if self._fracture:
             self._fracture.use_cells(active)
 
@@ -138,7 +137,7 @@ class MaterialPoints:
         trial = self.trial
         trial.go_to(load, self.state.so_far)
         self._degrade()
-        self._node_motions.prescribe(trial.increment, load, self.state.load)
+        self._supports.nodes.prescribe(trial.increment, load, self.state.load)
         start = self._equilibrium.unknowns_of(trial.increment)
         start[self._equilibrium.tied] = trial.tied
         newton(self, start, tolerance, self.case.staggered.residual_tolerance, self.costs)
@@ -153,9 +152,9 @@ class MaterialPoints:
             self._evaluate_stresses()
             kernels.internal_forces(self.basis.active.cells, self.basis.values, trial.stress, equilibrium.local.vectors)
             external, of_springs = self._external.at(trial.load), self._spring_forces()
-            of_faces = self._closing.forces(self.state.so_far + trial.increment)
+            of_faces = self._supports.faces.forces(self.state.so_far + trial.increment)
             trial.nodal_forces = equilibrium.internal_forces() + of_faces - external
-            residual = equilibrium.residual(trial.nodal_forces) + self._springs.residual(of_springs)
+            residual = equilibrium.residual(trial.nodal_forces) + self._supports.springs.residual(of_springs)
             applied = np.linalg.norm(trial.nodal_forces[equilibrium.prescribed]) + np.linalg.norm(of_springs)
             trial.applied = float(applied + np.linalg.norm(external) + self._held_back.at(abs(trial.load)))
             return residual, max(self.state.force_scale, trial.applied)
@@ -168,8 +167,8 @@ class MaterialPoints:
 
     def _spring_forces(self) -> NDArray:
         """Forces (n_springs,) of the penalty."""
-        displacement = self._springs.displaced(self.state.held, self.trial.increment)
-        return self._springs.forces(displacement, self.trial.load, self.trial.tied)
+        displacement = self._supports.springs.displaced(self.state.held, self.trial.increment)
+        return self._supports.springs.forces(displacement, self.trial.load, self.trial.tied)
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Newton step -K^-1 R."""
@@ -186,8 +185,8 @@ class MaterialPoints:
         kernels.tangents(basis.active.cells, basis.values, elastic, stiffness, *self._law, local)
         values = self._equilibrium.tangent()
         pattern, equations = self._equilibrium.pattern, self._equilibrium.equations
-        self._springs.add_stiffness(pattern, values)
-        self._closing.add_stiffness(pattern, values, equations, self.state.so_far + trial.increment)
+        self._supports.springs.add_stiffness(pattern, values)
+        self._supports.faces.add_stiffness(pattern, values, equations, self.state.so_far + trial.increment)
         return values
 
     def first_stiffness(self) -> csr_matrix:
@@ -199,7 +198,7 @@ class MaterialPoints:
 
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state and carry the points with it."""
-        state, trial, springs = self.state, self.trial, self._springs
+        state, trial, springs = self.state, self.trial, self._supports.springs
         displacement = state.displacement + self.basis.displacement(trial.increment)
         held = springs.displaced(state.held, trial.increment)
         error = max(state.constraint_error, springs.constraint_error(held, trial.load, trial.tied))
@@ -234,7 +233,7 @@ class MaterialPoints:
 
     def take_over(self, other: MaterialPoints) -> None:
         """Begin with the committed state of ``other``, whose grid and points are others of the same bodies."""
-        springs, places = self._springs, self.basis.cloud.positions
+        springs, places = self._supports.springs, self.basis.cloud.positions
         held = Places(places[springs.places] + springs.offset, springs.component)
         state = other.state.carried(other.basis.cloud.positions, self.state, held, self.basis.grid.nodes)
         if self.case.mpm.move_points:
@@ -251,8 +250,8 @@ class MaterialPoints:
     def reaction_force(self, towards: float) -> float:
         """Force conjugate to the load parameter on its way: from the residual at prescribed nodes or the penalty."""
         load = self.trial.load
-        of_springs = -float(self._spring_forces() @ self._springs.rates(load, towards))
-        return of_springs + self._node_motions.conjugate_force(self.trial.nodal_forces, load, towards)
+        of_springs = -float(self._spring_forces() @ self._supports.springs.rates(load, towards))
+        return of_springs + self._supports.nodes.conjugate_force(self.trial.nodal_forces, load, towards)
 
     def work_of_loads(self) -> LoadWork:
         """Of tractions, body forces and eigenstrains since the last committed state."""
@@ -274,28 +273,11 @@ class MaterialPoints:
 
     def fields(self) -> Fields:
         """Points as they stand and the occupied cells of the grid."""
-        state, cloud = self.state, self.basis.cloud
-        corners, cells, phase_field = self.basis.active.corner_values(self.nodal_phase_field)
-        return Fields(
-            points=state.positions.copy(),
-            reference=cloud.positions,
-            volume=cloud.volume,
-            displacement=state.displacement.copy(),
-            gradient=state.gradient.copy(),
-            phase_field=self.phase_field.copy(),
-            history_field=state.history_field.copy(),
-            stress=self.trial.stress.copy(),
-            energy_density=self.energy_density,
-            body=cloud.body,
-            grid_points=corners,
-            grid_cells=cells,
-            grid_displacement=np.zeros_like(corners),
-            grid_phase_field=phase_field,
-        )
+        return fields_of(self.state, self.trial, self.basis, self.energy_density)
 
     def measures(self) -> dict[str, float]:
         """Largest violation of the constraints, and errors against the exact solution where there is one."""
         errors = exact_errors(self.case, self.fields(), self.state.load)
-        if len(self._springs.places):
+        if len(self._supports.springs.places):
             errors["constraint_error"] = self.state.constraint_error
         return errors | placement_health(self.case, self.basis.cloud) | loaded_lengths(self._loads.lengths)
