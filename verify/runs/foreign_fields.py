@@ -152,7 +152,7 @@ class _Reading:
         mesh, axes = self._plane(mesh)
         kinds, first = np.unique(mesh.celltypes, return_index=True)
         plane = [kind for kind, one in zip(kinds, first, strict=True) if mesh.get_cell(int(one)).dimension == _PLANE_CELL]
-        mesh = mesh.extract_cells(np.flatnonzero(np.isin(mesh.celltypes, plane)))
+        mesh = mesh.extract_cells(np.flatnonzero(np.isin(mesh.celltypes, plane)).tolist())
         if not mesh.n_cells:
             raise self._error("holds no triangles or quadrilaterals; save its surface cells")
         names = self._arrays(present)
