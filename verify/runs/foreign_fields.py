@@ -152,12 +152,12 @@ class _Reading:
         mesh, axes = self._plane(mesh)
         kinds, first = np.unique(mesh.celltypes, return_index=True)
         plane = [kind for kind, one in zip(kinds, first, strict=True) if mesh.get_cell(int(one)).dimension == _PLANE_CELL]
-        mesh = mesh.extract_cells(np.isin(mesh.celltypes, plane))
+        mesh = mesh.extract_cells(np.flatnonzero(np.isin(mesh.celltypes, plane)).tolist())
         if not mesh.n_cells:
             raise self._error("holds no triangles or quadrilaterals; save its surface cells")
         names = self._arrays(present)
         mesh = mesh.cell_data_to_point_data(pass_cell_data=True).triangulate()
-        cells = np.asarray(mesh.cells_dict[5], dtype=np.int64)
+        cells = np.asarray(mesh.cells_dict[np.uint8(5)], dtype=np.int64)
         grid_points = self.scale * np.asarray(mesh.points, dtype=float)[:, axes]
         self._require_place(grid_points)
         nodal = {key: np.asarray(mesh.point_data[name], dtype=float) for key, name in names.items()}
@@ -183,7 +183,7 @@ class _Reading:
         axis, place = plane
         low, high = mesh.bounds[2 * axis : 2 * axis + 2]
         if extent[axis] > _FLATNESS * extent.max():
-            mesh = mesh.slice(normal="xyz"[axis], origin=np.eye(3)[axis] * place).cast_to_unstructured_grid()
+            mesh = mesh.slice(normal=np.eye(3)[axis], origin=np.eye(3)[axis] * place).cast_to_unstructured_grid()
         elif abs(place - low) > _FLATNESS * extent.max():
             mesh = mesh.extract_cells([])
         if not mesh.n_cells:
@@ -192,7 +192,7 @@ class _Reading:
 
     def _arrays(self, present: list[str]) -> dict[str, str]:
         """What is held -> name of its array; "damage" or "phase_field" is among them."""
-        found = {}
+        found: dict[str, str] = {}
         for key, usual in USUAL_NAMES.items():
             asked = getattr(self.fields, key)
             if asked and asked not in present:
@@ -220,7 +220,7 @@ class _Reading:
 
     def _in_plane(self, arrays: dict[str, NDArray], axes: list[int], count: int) -> dict[str, NDArray]:
         """The arrays with the components of the plane, c for d, and displacements in the unit of the case."""
-        found = {}
+        found: dict[str, NDArray] = {}
         for key, values in arrays.items():
             components = values.reshape(count, -1)
             if key in ("phase_field", "damage"):
