@@ -116,6 +116,15 @@ def test_metrics_of_a_known_motion(tmp_path):
         METRICS["overturning_time"](told)
 
 
+def test_the_corner_of_the_pendulum_is_that_of_its_base(tmp_path):
+    case = case_of(tmp_path, **pulse(1.2), **no_borders(stop_when_settled=False), output={"records": 4000})
+    told = Told(case, history_of(PendulumMotion(case), case))
+    assert METRICS["base_offset"](told) < 1e-3
+    # slower than energy has it: as on a narrower base
+    told.history["block_spin"] *= 0.9
+    assert METRICS["base_offset"](told) > 0.02
+
+
 def test_trembling_is_no_impact():
     time = np.linspace(0.0, 1.0, 1001)
     assert impacts_of(time, np.radians(0.09) * np.sin(40 * time)) == []
