@@ -135,7 +135,7 @@ def _environment() -> Environment:
         loader=PackageLoader("reports"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(
-        number=words.number, percent=words.percent, subscripts=_subscripts,
+        number=words.number, percent=words.percent, section=words.section_words, subscripts=_subscripts,
         numbers=lambda values: list(map(words.number, values)),
         verdict=lambda verdict: words.VERDICT_WORDS.get(verdict, verdict),
     )  # fmt: skip

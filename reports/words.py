@@ -45,6 +45,11 @@ def percent(value: Any, digits: int = 3) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{number(100 * value, digits)} %"
 
 
+def section_words(section: str) -> str:
+    """Return ``section 4.4.1 of the thesis``; a source that is no number of a section stands as it is."""
+    return f"section {section} of the thesis" if section[:1].isdigit() else section
+
+
 def plural(count: int, noun: str, nouns: str = "") -> str:
     """Return ``1 check``, ``2 checks``, ``3 bodies``."""
     return f"{count} {noun}" if count == 1 else f"{count} {nouns or noun + 's'}"

@@ -25,7 +25,7 @@ from reports.fields import point_image
 from reports.report import SECTIONS, readme_html
 from reports.results import CaseResults, method_of
 from reports.tables import check_groups
-from reports.words import key_number, number, percent, verdict_sentence
+from reports.words import key_number, number, percent, section_words, verdict_sentence
 from verify.judging.summary import reproduce_command
 
 
@@ -492,3 +492,10 @@ def test_pages_fit_their_window_and_the_verdict_stands_on_the_first_screen(copie
             assert found["verdict"] < 300
             assert len(found["pictures"]) == 2, "main curve and scene"
             assert all(wide > 300 and bottom < 900 for wide, bottom in found["pictures"])
+
+
+@pytest.mark.parametrize(
+    ("section", "words"), [("4.4.1", "section 4.4.1 of the thesis"), ("Miehe et al. 2010", "Miehe et al. 2010")]
+)
+def test_a_section_is_of_the_thesis_where_it_is_a_number(section: str, words: str) -> None:
+    assert section_words(section) == words
