@@ -14,6 +14,12 @@ def shear_speed(material: Material) -> float:
     return float(np.sqrt(material.mu / material.density))
 
 
+def pressure_speed(material: Material) -> float:
+    """Speed of pressure waves in plane strain, sqrt((lambda + 2 mu) / density) [length/time], the root of Eq. 6.49."""
+    assert material.density is not None
+    return float(np.sqrt((material.lam + 2.0 * material.mu) / material.density))
+
+
 def rayleigh_speed(material: Material) -> float:
     """Speed of surface waves in plane strain, which a crack in mode I cannot exceed [length/time].
 

@@ -1,5 +1,6 @@
 """Metrics of running cracks on synthetic runs, frames of moving runs, and the film made of them."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,12 +9,13 @@ import pandas as pd
 import pytest
 from test_crack_front import FORK, LENGTH_SCALE, SPEED, START, H, branched_crack, lattice
 
+from cases import load_case
 from cases.material import Fracture, Material
 from cases.notches import HistoryNotch
 from numerics.fields import Fields
 from reports.film import film
 from verify.metrics.metric import MetricError
-from verify.metrics.registry import METRICS, PAIR_METRICS
+from verify.metrics.registry import METRICS, PAIR_METRICS, find_metric
 from verify.runs.frames import MOST_POINTS, FrameWriter, read_frames
 
 GLASS = Material(
@@ -194,3 +196,14 @@ def test_the_film_has_a_picture_for_each_frame(tmp_path):
     assert all((tmp_path / "figures" / file).stat().st_size > 2000 for file in made.files)
     run.folder.folder = tmp_path / "nowhere"
     assert film(results, tmp_path / "figures") is None
+
+
+def test_waves_of_the_thesis_plate_and_their_critical_step():
+    """Printed: 2125 m/s and, with the factor 0.8, 0.026 us at 0.125 mm."""
+    run = SimpleNamespace(case=load_case("plate_impact"))
+    assert find_metric("rayleigh_speed")(run) == pytest.approx(2.125, rel=1e-3)
+    young, poisson, density = 32000.0, 0.2, 2450.0
+    speed = math.sqrt(young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson) * density))
+    assert find_metric("critical_step")(run, h=0.125, share=0.8) == pytest.approx(0.1 / speed)
+    with pytest.raises(MetricError, match="no material 'steel'"):
+        find_metric("critical_step")(run, h=0.125, material="steel")
