@@ -11,7 +11,7 @@ from cases import Case
 from cases.material import Material
 
 from .elasticity import in_plane_stiffness
-from .phase_field import seen_toughness
+from .surface_energy import seen_toughness
 
 #: of a stress, in the order of its entries
 COMPONENTS = ("xx", "yy", "xy")

@@ -49,5 +49,5 @@ def keep_kernels() -> None:
             if time.time() - other.stat().st_mtime > KEPT:
                 shutil.rmtree(other, ignore_errors=True)
         os.environ[VARIABLE] = str(folder)
-        if "numba" in sys.modules:
-            sys.modules["numba"].config.CACHE_DIR = str(folder)
+        if numba := sys.modules.get("numba"):
+            numba.config.CACHE_DIR = str(folder)

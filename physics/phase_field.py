@@ -18,7 +18,6 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.material import Fracture
 
 from .broken import BROKEN
 from .elasticity import MaterialTable
@@ -60,15 +59,6 @@ def expected_change(phase_field, history_field, solved_for, drive, resistance):
 def breaks_now(phase_field, broken_at):
     """Whether a crack has reached a point that had not broken before; ``broken_at`` is the time when it did, or NaN."""
     return (phase_field < BROKEN) & np.isnan(broken_at)
-
-
-def seen_toughness(fracture: Fracture, h: float) -> float:
-    """Gc (1 + h / (4 l0)): what cells of size h make of the toughness (Bourdin, Francfort and Marigo 2008).
-
-    With AT1 it is Gc (1 + 3 h / (16 l0)).
-    """
-    share = 3.0 / 16.0 if fracture.functional == "AT1" else 0.25
-    return fracture.toughness * (1.0 + share * h / fracture.length_scale)
 
 
 def update_history(committed: NDArray, tensile_energy: NDArray) -> NDArray:

@@ -161,3 +161,12 @@ def _zeros(function, samples: NDArray) -> NDArray:
     crossing = np.flatnonzero(values[:-1] * values[1:] < 0.0)
     between = [root(function, ends[i], ends[i + 1]) for i in crossing]
     return np.sort(np.concatenate([samples[values[:-1] == 0.0], between]))
+
+
+def seen_toughness(fracture: Fracture, h: float) -> float:
+    """Gc (1 + h / (4 l0)): what cells of size h make of the toughness (Bourdin, Francfort and Marigo 2008).
+
+    With AT1 it is Gc (1 + 3 h / (16 l0)).
+    """
+    share = 3.0 / 16.0 if fracture.functional == "AT1" else 0.25
+    return fracture.toughness * (1.0 + share * h / fracture.length_scale)

@@ -280,7 +280,7 @@ def test_judging_loads_no_solver_and_no_vtk(square: Case, tmp_path: Path) -> Non
 import sys
 from verify import judge
 judge({str(square.source)!r}, {str(mine)!r}, tier="quick", out={str(tmp_path / "out")!r})
-heavy = ("scipy", "numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen", "skimage")
+heavy = ("scipy.sparse", "scipy.spatial", "scipy.optimize", "numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen")
 print([name for name in heavy if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=Path(__file__).parents[1])

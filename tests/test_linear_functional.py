@@ -9,7 +9,8 @@ from numerics.costs import Costs
 from numerics.phase_field_equation import PhaseFieldEquation
 from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
-from physics.phase_field import PhaseFieldCoefficients, seen_toughness
+from physics.phase_field import PhaseFieldCoefficients
+from physics.surface_energy import seen_toughness
 
 LINEAR = {"steel": {"fracture": {"functional": "AT1"}}}
 

@@ -318,7 +318,7 @@ def test_a_relative_error_is_not_drawn_where_the_reference_carries_nothing(
     table.to_csv(tmp_path / "curve.csv", index=False)
     norms = {"l2_percent_before_peak": 1.25, "l2_percent_after_peak": 48430.0}
     entry = {"curves": [{"run": "fem", "reference": "x", "file": "curve.csv", **norms}]}
-    results: Any = SimpleNamespace(out=tmp_path, entry=entry, runs={}, unit=str, shown_runs=list)
+    results: Any = SimpleNamespace(out=tmp_path, entry=entry, runs={}, unit=str, shown_runs=list, load_label="u [mm]")
     drawn = figures_of(monkeypatch)
     (drawing,) = curves.relative_errors(results, tmp_path)
     error = drawn[0].axes[0].lines[0].get_ydata()

@@ -39,7 +39,7 @@ def _one_body(shape: Tables) -> Tables:
 
 def sweep(members: int = 400) -> Tables:
     """A sweep over the load."""
-    values = [1e-3 * (n + 1) for n in range(members)]
+    values = [0.1 * (n + 1) / members for n in range(members)]
     return _square(runs={"fem": {"solver": "fem", "sweep": {"load.increment": values}}})
 
 

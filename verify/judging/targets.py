@@ -9,7 +9,7 @@ from cases import Case, Check
 from cases.errors import UserError
 from cases.judging import EACH
 from physics.exact import SOLUTIONS
-from physics.phase_field import seen_toughness as toughness_of_cells
+from physics.surface_energy import seen_toughness as toughness_of_cells
 from verify.metrics.curves import Curve
 from verify.metrics.metric import MetricError
 from verify.metrics.registry import METRICS, PAIR_METRICS, SWEEP_METRICS, find_metric
