@@ -3,7 +3,7 @@
 A file NAME.py makes the split NAME: cases may name it and all kernels run it. It holds one function, which numba puts
 into the kernels,
 
-    @njit(cache=True, inline="always")
+    @njit(cache=True)
     def response(g, exx, eyy, gxy, lam, mu): ...  # -> PointResponse
 
 with stress and consistent tangent at one point in closed form: psi = g psi_plus + psi_minus, stress = d psi / d strain

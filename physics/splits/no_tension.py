@@ -12,7 +12,7 @@ from numba import njit
 from physics.point_response import PointResponse
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def response(g, exx, eyy, gxy, lam, mu):
     """What opens drives fracture; a broken point carries pressure across and along its crack, and no shear on it."""
     mean, half_difference, half_shear = 0.5 * (exx + eyy), 0.5 * (exx - eyy), 0.5 * gxy

@@ -5,7 +5,7 @@ from numba import njit
 from physics.point_response import PointResponse
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def response(g, exx, eyy, gxy, lam, mu):
     """Whole energy is degraded (Eq. 2.61)."""
     trace = exx + eyy

@@ -6,7 +6,7 @@ from physics.point_response import PointResponse
 from physics.splits.spectral import response as in_plane
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def response(g, exx, eyy, gxy, lam, mu):
     """Principal extensions drive fracture (Eqs. 2.74-2.80), the third where stress across the plane is nought.
 

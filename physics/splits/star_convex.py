@@ -12,7 +12,7 @@ from physics.point_response import PointResponse
 GAMMA = 5.0
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def response(g, exx, eyy, gxy, lam, mu):
     """Expansion and shear drive fracture, compression counts against them."""
     bulk = lam + mu

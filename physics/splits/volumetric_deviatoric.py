@@ -5,7 +5,7 @@ from numba import njit
 from physics.point_response import PointResponse
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def response(g, exx, eyy, gxy, lam, mu):
     """Expansion and shear drive fracture, compression does not (Eqs. 2.66-2.73)."""
     bulk = lam + mu
