@@ -11,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from rich.console import Console
@@ -21,10 +22,12 @@ from verify.runs.atomic import WriteError
 from verify.runs.cluster import LostTask, results
 from verify.runs.listeners import Listener, TimeLimit
 from verify.runs.progress import progress_view
-from verify.runs.provenance import source_hash
+from verify.runs.provenance import resident_megabytes, source_hash
 from verify.runs.run_folder import RunFolder, case_folder
 from verify.runs.running import run, up_to_date
 
+#: memory [MB] of a used process up to which it is kept: little more than a fresh one takes, not a large one's leavings
+LARGEST_USED = 450.0
 GO_ON = "go on behind its last checkpoint with `verify run --resume`"
 
 
@@ -99,21 +102,65 @@ def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator
     if jobs == 1 or len(todo) < 2:
         yield from map(do, todo)
         return
+    free: SimpleQueue[_Process] = SimpleQueue()
+    processes = [_Process() for _ in range(jobs)]
+    for process in processes:
+        free.put(process)
+
+    def in_a_process(job: Job) -> Outcome:
+        process = free.get()
+        try:
+            return process.do(job)
+        finally:
+            free.put(process)
+
     slots = ThreadPoolExecutor(jobs)
     try:
-        for future in as_completed([slots.submit(_in_a_process, job) for job in todo]):
+        for future in as_completed([slots.submit(in_a_process, job) for job in todo]):
             yield future.result()
     finally:
         slots.shutdown(cancel_futures=True)
+        for process in processes:
+            process.end()
 
 
-def _in_a_process(job: Job) -> Outcome:
-    """By a fresh process: the thread count of a used one is fixed, its memory not its own, and its end not theirs."""
-    with ProcessPoolExecutor(1, mp_context=_fresh_processes(), initializer=_watch_parent) as pool:
+class _Process:
+    """A process that does one job after another, so that kernels are loaded once for all of them.
+
+    It makes way for a fresh one where the number of threads changes, which a used process has fixed, where a run has
+    left it large, and where it has ended.
+    """
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._threads = 0
+
+    def do(self, job: Job) -> Outcome:
+        """The job's end; that of the process is not the end of the others."""
+        if job.threads != self._threads:
+            self.end()
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(1, mp_context=_fresh_processes(), initializer=_watch_parent)
+            self._threads = job.threads
         try:
-            return pool.submit(do, job).result()
+            outcome, megabytes = self._pool.submit(_do_and_weigh, job).result()
         except BrokenProcessPool:
+            self.end()
             return Outcome(job.title, f"its process ended before it; {job.folder()}: {GO_ON}", True)
+        if megabytes > LARGEST_USED:
+            self.end()
+        return outcome
+
+    def end(self) -> None:
+        """The next job gets a fresh one."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        self._pool = None
+
+
+def _do_and_weigh(job: Job) -> tuple[Outcome, float]:
+    """How it ended, and the memory [MB] that this process has now."""
+    return do(job), resident_megabytes()
 
 
 def _on_cluster(todo: list[Job], address: str) -> Iterator[Outcome]:

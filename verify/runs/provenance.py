@@ -84,6 +84,11 @@ def processor_name() -> str:
     return platform.processor() or platform.machine()
 
 
+def resident_megabytes() -> float:
+    """Memory of this process that is in use now [10^6 bytes]."""
+    return psutil.Process().memory_info().rss / 1e6
+
+
 class PeakMemory:
     """Largest resident memory of this process while the context is open, in megabytes (10^6 bytes).
 
@@ -93,13 +98,12 @@ class PeakMemory:
 
     def __init__(self, interval: float = 0.05) -> None:
         self.megabytes = 0.0
-        self._process = psutil.Process()
         self._interval = interval
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def _sample(self) -> None:
-        self.megabytes = max(self.megabytes, self._process.memory_info().rss / 1e6)
+        self.megabytes = max(self.megabytes, resident_megabytes())
 
     def _watch(self) -> None:
         while not self._stop.wait(self._interval):
