@@ -101,6 +101,12 @@ def missing_energy(history: Any) -> NDArray:
     return (less - less.iloc[0]).to_numpy(dtype=float)  # type: ignore[no-any-return]
 
 
+@metric("number", "least phase field of the whole run")
+def least_phase_field(run: RunData) -> float:
+    """Smallest value that any point had in any row."""
+    return float(history_column(run, "c_min").min())
+
+
 @metric("toughness", "growth of the fracture energy with u, over the thickness")
 def fracture_energy_rate(run: RunData, *, share: float = 0.5) -> float:
     """Slope dE_frac/du over the last share of the travel of u, over the thickness.
