@@ -102,6 +102,8 @@ def _fits_statics(case: CaseDescription) -> None:
             ' ramp = "load"'
         )
         raise BrokenRuleError("moves nothing: no constraint follows the load parameter", remedy, "load.path")
+    if case.load.path == (0.0,) and (case.moved_by_load or case.loaded_by_factor):
+        raise BrokenRuleError("stays at 0, where nothing has moved", "give a second value", "load.path", [0.0])
 
 
 def _fits_dynamics(case: CaseDescription) -> None:
@@ -208,7 +210,8 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
         return  # reading meshes is left to whoever needs them
     # a slit may go on through a gap that is narrower than the cells, such as a notch that tapers
     outlines = [body.shape.outline() for body in case.bodies.values() if body.shape]
-    hull = shapely.union_all(outlines).convex_hull.buffer(SLACK * size_of(case.bounding_box()))
+    whole, slack = shapely.union_all(outlines), SLACK * size_of(case.bounding_box())
+    hull, inside = whole.convex_hull.buffer(slack), whole.buffer(-slack)
     for number, notch in enumerate(case.notches):
         for end, point in (("start", notch.start), ("end", notch.end)):
             if not hull.covers(shapely.Point(point)):
@@ -216,6 +219,10 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
                 raise BrokenRuleError(
                     "lies outside the bodies", "move it into or onto one", key, list(point)
                 )
+        line = shapely.LineString([notch.start, notch.end])
+        if notch.kind == "slit" and not inside.intersection(line).length:
+            text = f"from {list(notch.start)} to {list(notch.end)} lies on an edge or in a gap, where it parts nothing"
+            raise BrokenRuleError(text, "move it into a body", f"notches[{number}]")
 
 
 def _spacing_fits_the_bodies(case: CaseDescription) -> None:

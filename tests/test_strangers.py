@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from cases import Case, CaseError, case_from_tables
+from mpm.grid import Grid
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 PLATE: dict[str, Any] = {
@@ -60,6 +61,62 @@ def test_every_slit_is_open_in_both_solvers(notches):
     fem, mpm = (force(plate(solver, notches=notches), solver) for solver in ("fem", "mpm"))
     assert fem < 0.98 * whole
     assert mpm == pytest.approx(fem, rel=5e-3)
+
+
+def less(cut: dict[str, Any]) -> dict[str, Any]:
+    """The plate with a shape cut out."""
+    shape = {"difference": {"of": PLATE["bodies"]["plate"]["shape"], "minus": [cut]}}
+    return {"plate": {"material": "steel", "shape": shape}}
+
+
+def window(*corners: float) -> dict[str, Any]:
+    """The plate with a rectangle cut out."""
+    return less({"rectangle": {"lower": list(corners[:2]), "upper": list(corners[2:])}})
+
+
+HOLE = less({"disc": {"centre": [1.0, 0.5], "radius": 0.2}})
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize(
+    ("bodies", "notches"),
+    [
+        (window(0.8, 0.3, 1.2, 0.7), [slit(0.5, 0.8), slit(1.2, 1.5)]),
+        (HOLE, [slit(0.5, 0.8), slit(1.2, 1.5)]),
+        (window(0.0, 0.5, 0.5, 1.0), [slit(0.5, 1.0)]),
+        (window(0.0, 0.5, 0.5, 1.0), [slit(0.5, 1.0, 0.75)]),
+        (PLATE["bodies"], [{"kind": "cells", "start": [0.0, 0.5], "end": [0.5, 0.5], "width": 0.2}, slit(0.5, 0.75)]),
+    ],
+    ids=["window", "hole", "corner", "wall", "cells"],
+)
+def test_a_slit_is_open_where_it_meets_an_edge_within_the_bounding_box(bodies, notches, order):
+    changes = {"bodies": bodies, "notches": notches, "mesh": {"h": 0.05}}
+    fem, mpm = force(plate("fem", **changes), "fem"), force(plate("mpm", **changes, mpm={"order": order}), "mpm")
+    assert mpm == pytest.approx(fem, rel=0.005 if order == 1 else 0.025)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_slits_that_meet_part_a_body_as_one_slit_does(solver):
+    with pytest.raises(CaseError, match="plate can move in x freely"):
+        DISCRETISATIONS[solver](plate(solver, notches=[slit(0.0, 1.0), slit(1.0, 2.0)]))
+
+
+def test_a_slit_that_ends_in_a_gap_narrower_than_the_functions_is_refused():
+    changes = {"bodies": window(0.8, 0.3, 0.82, 0.7), "notches": [slit(0.5, 0.8)], "mpm": {"order": 2}}
+    with pytest.raises(CaseError, match=r"notches.*0\.8.*gap.*make mesh\.h smaller"):
+        DISCRETISATIONS["mpm"](plate("mpm", **changes))
+    Grid(plate("mpm", **changes, mesh={"h": 0.01}))
+
+
+@pytest.mark.parametrize("ends", [([0.0, 0.0], [0.5, 0.0]), ([2.0, 0.25], [2.0, 0.75]), ([0.0, 0.0], [2.0, 0.0])])
+def test_a_slit_on_the_edge_of_a_body_is_refused(ends):
+    with pytest.raises(CaseError, match=r"notches\[0\].*lies on an edge.*into a body"):
+        plate("mpm", notches=[{"kind": "slit", "start": ends[0], "end": ends[1]}])
+
+
+def test_a_path_that_never_leaves_zero_is_refused():
+    with pytest.raises(CaseError, match=r"load\.path.*stays at 0.*second value"):
+        plate("fem", load={"path": [0.0], "increment": 1e-3})
 
 
 def test_two_notches_on_one_line_have_the_stiffness_of_a_fine_mesh():
