@@ -41,8 +41,8 @@ class Grid:
         self.nodes = np.empty((self.n_nodes, 2))
         self.nodes[self.node_number.ravel()] = np.stack(np.meshgrid(*abscissae, indexing="ij"), -1).reshape(-1, 2)
 
-    def check_edges_interpolate(self) -> None:
-        """Prescribed grid nodes need functions that interpolate on the body's edges."""
+    def check_edges_interpolate(self, key: str, remedy: str) -> None:
+        """Prescribed grid nodes need functions that interpolate on the body's edges; GridError names key and remedy."""
         lower, upper = self._box
         on_edges = all(
             np.isclose(axis.breakpoints[0], lower[d]) and np.isclose(axis.breakpoints[-1], upper[d])
@@ -50,8 +50,8 @@ class Grid:
         )
         if self.order > 1 and not on_edges:
             raise GridError(
-                f"{self._source}: mpm.constraints_on: nodes of B-splines of order 2 or 3 lie on the body's edges"
-                ' only where the grid ends there; set mpm.margin = 0, or constraints_on = "points"'
+                f"{self._source}: {key}: nodes of B-splines of order {self.order} lie on the body's edges only where the"
+                f" grid ends there; set mpm.margin = 0, or {remedy}"
             )
 
     @property

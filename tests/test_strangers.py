@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import meshio
+import numpy as np
 import pytest
 
 from cases import Case, CaseError, case_from_tables
+from fem_reference.mesh.build import build_mesh
 from mpm.grid import Grid
 from verify.runs.running import DISCRETISATIONS, solver_records
 
@@ -176,3 +179,23 @@ def test_a_prologue_ends_at_the_first_state_that_is_wanted():
     case = plate("fem", materials=BREAKING, **changes)
     loads = [record.u for record in solver_records(DISCRETISATIONS["fem"](case), case)]
     assert loads[1] == pytest.approx(4e-4, rel=1e-12)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_crack_of_a_mesh_file_carries_pressure_and_opens(solver, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    drawn = build_mesh(plate("fem", notches=[slit(0.0, 0.5)], mesh={"h": 0.125})).arrays
+    meshio.Mesh(np.pad(drawn.points, ((0, 0), (0, 1))), [("quad", drawn.cells)]).write("cracked.vtu")
+    cracked = {"bodies": {"plate": {"material": "steel", "mesh": "cracked.vtu"}}, "mesh": {"h": 0.125}}
+    pressed = [*PLATE["constraints"][:2], {"on": "top", "direction": "y", "scale": -1}]
+    whole = force(plate(solver, mesh={"h": 0.125}), solver)
+    assert force(plate(solver, **cracked, constraints=pressed), solver) == pytest.approx(whole, rel=1e-3)
+    assert force(plate(solver, **cracked), solver) < 0.9 * whole
+
+
+def test_the_remedy_for_a_phase_constraint_on_smooth_splines_works():
+    held = {"on": "top", "direction": "phase", "value": 1}
+    changes = {"materials": BREAKING, "constraints": [*PLATE["constraints"], held], "mesh": {"h": 0.1}}
+    with pytest.raises(CaseError, match=r"constraints\[3\].*phase.*mpm\.order = 1"):
+        DISCRETISATIONS["mpm"](plate("mpm", **changes, mpm={"order": 2}))
+    assert force(plate("mpm", **changes, mpm={"order": 1}), "mpm") > 0.0
