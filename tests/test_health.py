@@ -47,6 +47,21 @@ def test_a_sound_run_has_nothing_beyond_a_limit(solver, tmp_path):
 
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(("h", "resolved"), [(0.1, False), (0.025, True)])
+def test_a_warm_plate_clamped_on_one_edge_needs_fine_cells(solver, h, resolved, tmp_path):
+    """Its F is the energy at the clamped corners: 8 % off with ten cells along the edge."""
+    case = {
+        **PLATE, "plane": {"assumption": "stress", "thickness": 1.0}, "boundaries": {}, "mesh": {"h": h},
+        "materials": {"steel": {**PLATE["materials"]["steel"], "expansion": 1e-5}},
+        "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}},
+        "constraints": [{"on": "bottom", "direction": direction, "value": 0} for direction in "xy"],
+        "eigenstrains": [{"temperature": 100.0, "ramp": "load"}], "load": {"path": [0.0, 1.0], "increment": 1.0},
+    }  # fmt: skip
+    found = examined(case_from_tables(case, run=solver), tmp_path, solver)
+    assert beyond(found) == (set() if resolved else {"resolution"})
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
 def test_faces_of_a_slit_that_is_pressed_overlap(solver, tmp_path):
     pressed = [*PLATE["constraints"][:2], {"on": "top", "direction": "y", "scale": -1}]
     notches = [slit(0.5, 1.5) | {"contact": False}]
