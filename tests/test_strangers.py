@@ -199,3 +199,34 @@ def test_the_remedy_for_a_phase_constraint_on_smooth_splines_works():
     with pytest.raises(CaseError, match=r"constraints\[3\].*phase.*mpm\.order = 1"):
         DISCRETISATIONS["mpm"](plate("mpm", **changes, mpm={"order": 2}))
     assert force(plate("mpm", **changes, mpm={"order": 1}), "mpm") > 0.0
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_what_draws_a_crack_in_a_material_that_cannot_break_is_refused(solver):
+    with pytest.raises(CaseError, match=r"notches\[0\].*'history'.*cannot break.*kind = \"slit\""):
+        plate(solver, notches=[{"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}])
+    held = {"on": "top", "direction": "phase", "value": 0}
+    with pytest.raises(CaseError, match=r"constraints\[3\]\.direction.*nothing can break"):
+        plate(solver, constraints=[*PLATE["constraints"], held])
+
+
+BEAM: dict[str, Any] = {
+    **{key: PLATE[key] for key in ("title", "requirement", "plane", "runs")},
+    "units": {"length": "m", "force": "N", "time": "s"},
+    "materials": {"m": {"young": 1e6, "poisson": 0.0, "density": 1000.0}},
+    "bodies": {"beam": {"material": "m", "shape": {"rectangle": {"lower": [0, 0], "upper": [2, 1]}}}},
+    "constraints": [{"on": "left", "direction": direction, "value": 0} for direction in "xy"],
+    "dynamics": {"end_time": 0.3, "gravity": [0, -0.01]},
+    "mesh": {"h": 0.1},
+}
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_moving_notch_that_does_not_part_its_body_is_refused(solver):
+    notch = {"kind": "cells", "start": [1.0, 1.0], "end": [1.0, 0.5], "width": 0.1}
+    inclined = {**notch, "end": [1.4, 0.4]}
+    case = case_from_tables({**BEAM, "notches": [inclined if solver == "fem" else notch]}, run=solver)
+    with pytest.raises(CaseError, match=r"notches\[0\]\.width = 0\.1.*hang together; make mesh\.h no more"):
+        DISCRETISATIONS[solver](case)
+    remedy = {"notches": [notch], "mesh": {"h": 0.1 / 3.0}}
+    DISCRETISATIONS[solver](case_from_tables({**BEAM, **remedy}, run=solver))

@@ -43,7 +43,7 @@ INDICATORS = {
     ),
     "locking": Indicator(
         "share of the elastic energy in volume changes that alternate from point to point",
-        0.05, "set mesh.locking_free = true, or mpm.order = 2",
+        0.05, "set mesh.locking_free = true in a quasi-static case, or take material points with mpm.order = 2",
     ),
     "resolution": Indicator(
         "share of the squared stress that jumps from cell to cell, where eigenstrains act and F is an energy",
@@ -157,7 +157,13 @@ def _means(key: NDArray, value: NDArray) -> dict[int, float]:
 
 
 def _locking(case: Case, fields: Fields) -> dict[str, float]:
-    """Of bodies that hardly change their volume; cells of 2 h are large enough to hold some triangles."""
+    """Of bodies that hardly change their volume; cells of 2 h are large enough to hold some triangles.
+
+    Where waves come and go the last state alone tells too little: moving elements then lock by what they are.
+    """
+    by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
+    if case.dynamics and not by_points and _bulk_modulus(case, _LOCKS_IN_MOTION).any():
+        return {"locking": 1.0}
     bulk = _bulk_modulus(case)[fields.body]
     stiff = bulk > 0.0
     total = float((fields.energy_density * fields.volume)[stiff].sum())
@@ -209,17 +215,17 @@ def _projection(values: NDArray, term: NDArray, block: NDArray, weight: NDArray)
     return term * share[block]
 
 
-#: Poisson's ratio above which plane strain may lock
-_NEARLY_INCOMPRESSIBLE = 0.45
+#: Poisson's ratio above which plane strain may lock, and above which elements without a remedy do
+_NEARLY_INCOMPRESSIBLE, _LOCKS_IN_MOTION = 0.45, 0.495
 
 
-def _bulk_modulus(case: Case) -> NDArray:
-    """Of each body [stress]; 0 where it can change its volume."""
+def _bulk_modulus(case: Case, beyond: float = _NEARLY_INCOMPRESSIBLE) -> NDArray:
+    """Of each body whose Poisson's ratio is beyond one in plane strain [stress]; 0 where it can change its volume."""
     from physics.elasticity import MaterialTable  # judging does without compiled laws
 
     table = MaterialTable(case)
     ratio = table.lame_lambda / (2.0 * (table.lame_lambda + table.shear_modulus))
-    locks = (ratio > _NEARLY_INCOMPRESSIBLE) & (case.plane.assumption == "strain")
+    locks = (ratio > beyond) & (case.plane.assumption == "strain")
     return np.where(locks, table.lame_lambda + table.shear_modulus, 0.0)
 
 
