@@ -98,19 +98,21 @@ def _entry(part: str) -> tuple[str, Source]:
     return match["target"], Source(match["column"].strip("\"' "), factor, (match["unit"] or "").strip())
 
 
-def unit_factor(unit: str, column: str, units: Units, dynamic: bool = False) -> float:
+def unit_factor(unit: str, column: str, units: Units, kinds: dict[str, str]) -> float:
     """By what a number in a unit is multiplied to be in those of the case.
 
-    dynamic : u is the time then
+    kinds : of quantity of the columns, those of KINDS_OF_COLUMNS or of a case
 
     Raises
     ------
     BrokenRuleError : an unknown unit, one of another quantity, or a column of which no unit is known
     """
-    kind = "time" if dynamic and column == "u" else KINDS_OF_COLUMNS.get(column)
+    kind = kinds.get(column)
     if kind is None:
-        known = ", ".join(KINDS_OF_COLUMNS)
-        raise BrokenRuleError("has a unit, which is only known of " + known, "give a factor instead", column, f"[{unit}]")
+        text = "has a unit, which is only known of " + ", ".join(kinds)
+        raise BrokenRuleError(text, "give a factor instead", column, f"[{unit}]")
+    if kind == "number":
+        raise BrokenRuleError("is the unit of what is a plain number here", "leave it out", column, f"[{unit}]")
     try:
         return units.convert(f"1 {unit}", kind)
     except BrokenRuleError as error:

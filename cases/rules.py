@@ -51,6 +51,7 @@ def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> 
     _basis_is_smooth_enough(case)
     _bodies_are_apart(case)
     _notches_are_in_bodies(case)
+    _cracks_are_where_material_breaks(case)
     _spacing_fits_the_bodies(case)
     _rocking_is_of_a_block(case)
     _checks_have_targets(case, checks)
@@ -102,6 +103,8 @@ def _fits_statics(case: CaseDescription) -> None:
             ' ramp = "load"'
         )
         raise BrokenRuleError("moves nothing: no constraint follows the load parameter", remedy, "load.path")
+    if case.load.path == (0.0,) and (case.moved_by_load or case.loaded_by_factor):
+        raise BrokenRuleError("stays at 0, where nothing has moved", "give a second value", "load.path", [0.0])
 
 
 def _fits_dynamics(case: CaseDescription) -> None:
@@ -208,7 +211,8 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
         return  # reading meshes is left to whoever needs them
     # a slit may go on through a gap that is narrower than the cells, such as a notch that tapers
     outlines = [body.shape.outline() for body in case.bodies.values() if body.shape]
-    hull = shapely.union_all(outlines).convex_hull.buffer(SLACK * size_of(case.bounding_box()))
+    whole, slack = shapely.union_all(outlines), SLACK * size_of(case.bounding_box())
+    hull, inside = whole.convex_hull.buffer(slack), whole.buffer(-slack)
     for number, notch in enumerate(case.notches):
         for end, point in (("start", notch.start), ("end", notch.end)):
             if not hull.covers(shapely.Point(point)):
@@ -216,6 +220,27 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
                 raise BrokenRuleError(
                     "lies outside the bodies", "move it into or onto one", key, list(point)
                 )
+        line = shapely.LineString([notch.start, notch.end])
+        if notch.kind == "slit" and not inside.intersection(line).length:
+            text = f"from {list(notch.start)} to {list(notch.end)} lies on an edge or in a gap, where it parts nothing"
+            raise BrokenRuleError(text, "move it into a body", f"notches[{number}]")
+
+
+def _cracks_are_where_material_breaks(case: CaseDescription) -> None:
+    """A crack that the phase field draws needs a body with one."""
+    breaking = [body for body in case.bodies.values() if case.materials[body.material].fracture]
+    phase = next((n for n, c in enumerate(case.constraints) if c.direction == "phase"), None)
+    if phase is not None and not breaking:
+        text, remedy = "acts on nothing, since nothing can break", "give a material the table fracture, or remove it"
+        raise BrokenRuleError(text, remedy, f"constraints[{phase}].direction", "phase")
+    if any(body.mesh for body in breaking):
+        return  # reading meshes is left to whoever needs them
+    outline = shapely.union_all([body.shape.outline() for body in breaking if body.shape])
+    for number, notch in enumerate(case.notches):
+        if notch.kind == "history" and not outline.intersects(shapely.LineString([notch.start, notch.end])):
+            remedy = 'give kind = "slit" or "cells", or its material the table fracture'
+            text = "draws a history field where the material cannot break"
+            raise BrokenRuleError(text, remedy, f"notches[{number}].kind", "history")
 
 
 def _spacing_fits_the_bodies(case: CaseDescription) -> None:

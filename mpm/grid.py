@@ -2,56 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from cases import Case, CaseError
-from cases.notches import SlitNotch
+from cases import Case
 from cases.spacing import grid_lines
+from mpm.slits import GridError, GridSlit, SlitLine, slit_lines
 from mpm.splines import Axis
 from numerics.staggered import NewtonError
 
 
-class GridError(CaseError):
-    """No grid can be made as the case asks; the message is one sentence that ends with the remedy."""
-
-
 class LostPointsError(NewtonError):
     """Material points have left the grid: no increment finds equilibrium there."""
-
-
-class GridSlit:
-    """An axis-parallel crack of no width on a grid line.
-
-    ``normal`` is the direction across it (0 for x, 1 for y), ``position`` its place there, ``start`` and ``end``
-    its extent along the other direction; an end on the body's boundary is moved to infinity.
-    """
-
-    def __init__(self, source: Path, notch: SlitNotch, lower: NDArray, upper: NDArray) -> None:
-        start, end, self.contact = np.array(notch.start, float), np.array(notch.end, float), notch.contact
-        across = np.isclose(start, end)
-        if not across.any():
-            raise GridError(
-                f"{source}: notches: the slit from {start.tolist()} to {end.tolist()} is inclined, but the grid"
-                ' can open only along its lines; make it axis-parallel, or use kind = "history"'
-            )
-        self.normal = int(np.flatnonzero(across)[0])
-        along = 1 - self.normal
-        self.position = float(start[self.normal])
-        first, last = sorted((start[along], end[along]))
-        tolerance = 1e-9 * (upper[along] - lower[along])
-        self.start = -np.inf if first <= lower[along] + tolerance else first
-        self.end = np.inf if last >= upper[along] - tolerance else last
-
-    def sides(self, reference: NDArray) -> NDArray:
-        """-1 below, +1 above, 0 beside the slit (n,), from reference positions (n, 2)."""
-        along, across = reference[:, 1 - self.normal], reference[:, self.normal]
-        beside = (along < self.start) | (along > self.end)
-        return np.where(beside, 0, np.where(across < self.position, -1, 1))
 
 
 class Grid:
@@ -68,11 +32,8 @@ class Grid:
         lower, upper = case.bounding_box()
         self.order = case.mpm.order
         self._box, self._source = (lower, upper), case.source
-        self.slits = [
-            GridSlit(case.source, notch, lower, upper)
-            for notch in case.all_notches
-            if isinstance(notch, SlitNotch)
-        ]
+        self._slit_lines = slit_lines(case)
+        self.slits = [slit for line in self._slit_lines for slit in line.slits]
         lines = [_widened(np.asarray(axis), case.mpm.margin) for axis in grid_lines(case)]
         self.axes = [Axis(lines[d], self.order, self._multiplicity(d, lines[d])) for d in (0, 1)]
         self.node_number, self.n_nodes = self._join_functions()
@@ -80,8 +41,8 @@ class Grid:
         self.nodes = np.empty((self.n_nodes, 2))
         self.nodes[self.node_number.ravel()] = np.stack(np.meshgrid(*abscissae, indexing="ij"), -1).reshape(-1, 2)
 
-    def check_edges_interpolate(self) -> None:
-        """Prescribed grid nodes need functions that interpolate on the body's edges."""
+    def check_edges_interpolate(self, key: str, remedy: str) -> None:
+        """Prescribed grid nodes need functions that interpolate on the body's edges; GridError names key and remedy."""
         lower, upper = self._box
         on_edges = all(
             np.isclose(axis.breakpoints[0], lower[d]) and np.isclose(axis.breakpoints[-1], upper[d])
@@ -89,8 +50,8 @@ class Grid:
         )
         if self.order > 1 and not on_edges:
             raise GridError(
-                f"{self._source}: mpm.constraints_on: nodes of B-splines of order 2 or 3 lie on the body's edges"
-                ' only where the grid ends there; set mpm.margin = 0, or constraints_on = "points"'
+                f"{self._source}: {key}: nodes of B-splines of order {self.order} lie on the body's edges only where the"
+                f" grid ends there; set mpm.margin = 0, or {remedy}"
             )
 
     @property
@@ -101,25 +62,20 @@ class Grid:
     def _multiplicity(self, direction: int, lines: NDArray) -> dict[int, int]:
         """Knots to repeat: broken on a slit's line, C0 at its tips."""
         repeats: dict[int, int] = {}
-        for slit in self.slits:
-            if slit.normal == direction:
-                repeats[_line_index(lines, slit.position)] = self.order + 1
-            else:
-                for tip in (slit.start, slit.end):
-                    if np.isfinite(tip):
-                        index = _line_index(lines, tip)
-                        repeats[index] = max(self.order, repeats.get(index, 0))
+        for slit_line in self._slit_lines:
+            if slit_line.normal == direction:
+                repeats[_line_index(lines, slit_line.position)] = self.order + 1
+                continue
+            for tip in slit_line.tips:
+                index = _line_index(lines, tip)
+                repeats[index] = max(self.order, repeats.get(index, 0))
         return repeats
 
     def _join_functions(self) -> tuple[NDArray, int]:
         """Number the functions; those on both sides of a slit's line are one except along the slit."""
         shape = tuple(axis.n_functions for axis in self.axes)
         numbers = np.arange(shape[0] * shape[1]).reshape(shape)
-        # what one slit leaves joined another on the same line may open
-        lines: dict[tuple[int, int], list[GridSlit]] = {}
-        for slit in self.slits:
-            lines.setdefault((slit.normal, self.line_of(slit)), []).append(slit)
-        pairs = [self._pairs_to_join(slits, numbers) for slits in lines.values()]
+        pairs = [self._pairs_to_join(slit_line, numbers) for slit_line in self._slit_lines]
         if not pairs:
             return numbers, numbers.size
         joined = np.concatenate(pairs, axis=1)
@@ -131,45 +87,38 @@ class Grid:
         ranks[np.argsort(first)] = np.arange(count)
         return ranks[labels].reshape(shape), count
 
-    def _pairs_to_join(self, slits: list[GridSlit], numbers: NDArray) -> NDArray:
-        """Pairs (2, n) of functions below and above the line of these slits that none of them parts."""
-        below, above = self._along_line(slits[0], numbers)
-        parted = np.logical_or.reduce([self._parted(slit) for slit in slits])
+    def _pairs_to_join(self, slit_line: SlitLine, numbers: NDArray) -> NDArray:
+        """Pairs (2, n) of functions below and above a line that no slit on it parts."""
+        below, above = self._along_line(slit_line, numbers)
+        parted = slit_line.parted(*self.axes[1 - slit_line.normal].support())
         return np.stack([below[~parted], above[~parted]])
 
-    def _along_line(self, slit: GridSlit, numbers: NDArray) -> tuple[NDArray, NDArray]:
+    def _along_line(self, slit: GridSlit | SlitLine, numbers: NDArray) -> tuple[NDArray, NDArray]:
         """Of the functions with these numbers (nx, ny), those that end on a slit's line from below and from above."""
         across = self.axes[slit.normal]
         above = int(np.searchsorted(across.knots, slit.position - 1e-12 * np.ptp(across.breakpoints)))
         by_line = np.moveaxis(numbers, slit.normal, 0)
         return by_line[above - 1], by_line[above]
 
-    def _parted(self, slit: GridSlit) -> NDArray:
-        """Mask of the functions along a slit's line that it parts wholly."""
-        along = self.axes[1 - slit.normal]
-        left, right = along.support()
-        tolerance = 1e-9 * np.ptp(along.breakpoints)
-        return (left >= slit.start - tolerance) & (right <= slit.end + tolerance)
-
     def face_pairs(self, slit: GridSlit) -> NDArray:
         """Pairs (n, 2) of nodes on the two faces of a slit, the one above first."""
         below, above = self._along_line(slit, self.node_number)
-        parted = self._parted(slit)
-        return np.column_stack([above[parted], below[parted]])
+        left, right = self.axes[1 - slit.normal].support()
+        on_slit = (np.minimum(right, slit.end) > np.maximum(left, slit.start)) & (above != below)
+        return np.column_stack([above[on_slit], below[on_slit]])
 
     def points_at_tips(self, positions: NDArray) -> NDArray:
         """Indices of the points (n, 2) in the four cells around the tips of the slits."""
         chosen = np.zeros(len(positions), bool)
-        for slit in self.slits:
-            for end in (slit.start, slit.end):
-                if np.isfinite(end):
-                    tip = np.full(2, end)
-                    tip[slit.normal] = slit.position
-                    near = [
-                        np.abs(axis.locate(positions[:, d]) - _line_index(axis.breakpoints, tip[d]) + 0.5) < 1.0
-                        for d, axis in enumerate(self.axes)
-                    ]
-                    chosen |= near[0] & near[1]
+        for slit_line in self._slit_lines:
+            for end in slit_line.tips:
+                tip = np.full(2, end)
+                tip[slit_line.normal] = slit_line.position
+                near = [
+                    np.abs(axis.locate(positions[:, d]) - _line_index(axis.breakpoints, tip[d]) + 0.5) < 1.0
+                    for d, axis in enumerate(self.axes)
+                ]
+                chosen |= near[0] & near[1]
         return np.flatnonzero(chosen)
 
     def locate(self, positions: NDArray, sides: list[NDArray]) -> tuple[NDArray, NDArray]:

@@ -70,6 +70,22 @@ def placement_health(case: Case, cloud: PointCloud) -> dict[str, float]:
     return {"quadrature": float(sparse), "scatter": scatter}
 
 
+def placement_health_in_bodies(case: Case, cloud: PointCloud) -> dict[str, float]:
+    """The same indicators for `place_in_bodies`; points on rings fill their body evenly."""
+    offsets = []
+    for number, body in enumerate(case.bodies.values()):
+        if case.mpm.placement == "rings" and _circles(body.shape) is not None:
+            continue
+        (_, n_y), width = _cells_of_body(case, body)
+        local = (cloud.positions[cloud.body == number] - body.bounds()[0]) / width
+        _, cell, count = np.unique(np.floor(local) @ (n_y, 1), return_inverse=True, return_counts=True)
+        middles = np.column_stack([np.bincount(cell, part % 1.0 - 0.5) / count for part in local.T])
+        offsets.append(middles[count == case.mpm.points_per_cell**2])
+    offset = np.concatenate([*offsets, np.zeros((0, 2))])
+    scatter = float(np.sqrt((offset**2).sum(axis=1).mean())) if len(offset) else 0.0
+    return {"quadrature": float(case.mpm.points_per_cell < 2), "scatter": scatter}
+
+
 def place_in_bodies(case: Case) -> PointCloud:
     """Points of a case whose bodies move: each body has cells of its own, as many as fit its bounding box.
 

@@ -88,8 +88,6 @@ def _loads(draw: random.Random, tables: Tables, pulled: str) -> Tables:
         "warm": {"eigenstrains": [{"temperature": draw.choice([100.0, -100.0]), "ramp": "load"}]},
     }[kind]
     supports = [held for held in tables["constraints"] if held["on"] != pulled]
-    if kind == "warm":
-        supports.append({"on": pulled, "direction": "y" if pulled == "top" else "x", "value": 0})
     load = {"path": [0.0, 1.0], "increment": 0.5}
     return acting | {"materials": {"m": material}, "constraints": supports, "load": load}
 

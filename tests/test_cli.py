@@ -50,6 +50,29 @@ def test_compare_exits_by_the_verdict(
     assert verdict in capsys.readouterr().out
 
 
+def test_several_cases_are_run_judged_and_reported_together(tmp_path: Path, options: tuple[str, ...]) -> None:
+    cases = [fake_solver.write_case(tmp_path / name, fake_solver.check("fem", 0.03)) for name in ("one", "other")]
+    for command in (("validate",), ("plan", *options)):
+        assert verify(command[0], *cases, *command[1:]) == 0
+    assert verify("run", *cases, *options) == 0
+    assert verify("compare", *cases, *options) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [entry["case"] for entry in summary["cases"]] == ["one", "other"]
+    assert verify("report", "--out", tmp_path / "out") == 0
+    index = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert all(f'href="pages/{name}-quick.html"' in index for name in ("one", "other"))
+
+
+@pytest.mark.parametrize("command", ["validate", "plan", "run", "compare"])
+def test_two_case_files_of_one_name_are_refused(
+    tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases = [fake_solver.write_case(tmp_path / name / "square", "") for name in ("one", "other")]
+    assert verify(command, *cases) == 3
+    said = capsys.readouterr().err
+    assert "rename one of the two" in said and str(cases[0]) in said and str(cases[1]) in said
+
+
 def test_a_run_that_does_not_converge_exits_2_and_says_what_was_saved(
     tmp_path: Path,
     options: tuple[str, ...],

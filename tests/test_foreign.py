@@ -12,11 +12,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cases import Case, CaseError, load_case
+from cases import Case, CaseError, case_from_tables, load_case
 from cases.errors import BrokenRuleError
 from cases.loader import LIBRARY
 from cases.mapping import parse_mapping
 from cases.units import Units
+from tests.test_strangers import PLATE
 from verify import judge
 from verify.cli import main
 from verify.judging.acceptance import accept
@@ -133,6 +134,17 @@ def test_what_is_wrong_is_one_sentence_that_lists_what_was_found(
 
 
 # --------------------------------------------------------------------------------------------------- kept
+
+
+@pytest.mark.parametrize("header", ["u_mm,F", "u,F_kN"])
+def test_where_loads_follow_a_factor_lengths_and_forces_are_refused(header: str, tmp_path: Path) -> None:
+    pulled = [{"on": "top", "value": [0.0, 0.1], "ramp": "load"}]
+    held = [{"on": "bottom", "direction": "y", "value": 0.0}, {"on": "left", "direction": "x", "value": 0.0}]
+    case = case_from_tables({**PLATE, "tractions": pulled, "constraints": held, "load": {"path": [0, 1], "increment": 1}})
+    table = read_table(written(tmp_path, csv(U, F, "u,F [kN*mm]")))
+    assert mapped(table, parse_mapping(""), case, "mine.csv")["F"].to_numpy() == pytest.approx(F)
+    with pytest.raises(ImportedError, match="u is the factor of this case's loads and F their work per factor"):
+        mapped(read_table(written(tmp_path, csv(U, F, header))), parse_mapping(""), case, "mine.csv")
 
 
 def test_what_is_left_out_of_a_kept_history_lies_on_lines_between_the_rest() -> None:
@@ -278,6 +290,7 @@ def test_judging_loads_no_solver_and_no_vtk(square: Case, tmp_path: Path) -> Non
     mine = written(tmp_path, csv(U, F))
     program = f"""
 import sys
+from tests.test_strangers import PLATE
 from verify import judge
 judge({str(square.source)!r}, {str(mine)!r}, tier="quick", out={str(tmp_path / "out")!r})
 heavy = ("scipy.sparse", "scipy.spatial", "scipy.optimize", "numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen")

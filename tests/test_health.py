@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from cases import CaseError, case_from_tables, load_case
-from tests.test_strangers import PLATE, plate, slit
+from tests.test_strangers import BEAM, PLATE, plate, slit
 from verify.judging.judge import JudgeError, checks_of
 from verify.judging.summary import compare
 from verify.metrics.health import INDICATORS, health, suspicions
@@ -44,6 +44,37 @@ def test_a_sound_run_has_nothing_beyond_a_limit(solver, tmp_path):
     found = examined(case_from_tables({**BAR, "materials": BREAKABLE}, run=solver), tmp_path, solver)
     assert {"energy_balance", "phase_field_range"} <= found.keys()
     assert not suspicions(found, {})
+
+
+@pytest.mark.parametrize(
+    ("mpm", "tripped"),
+    [({"points_per_cell": 1}, "quadrature"), ({"placement": "random"}, "scatter"), ({}, None), ({"order": 3}, None)],
+)
+def test_moving_points_that_are_few_or_scattered_are_told(mpm, tripped, tmp_path):
+    assert beyond(examined(case_from_tables({**BEAM, "mpm": mpm}, run="mpm"), tmp_path, "mpm")) == {tripped} - {None}
+
+
+@pytest.mark.parametrize("end_time", [0.1, 0.2])
+def test_moving_elements_that_lock_are_told_at_any_time(end_time, tmp_path):
+    rubber = {"m": {**BEAM["materials"]["m"], "poisson": 0.4999}}
+    dynamics = BEAM["dynamics"] | {"end_time": end_time}
+    case = case_from_tables({**BEAM, "materials": rubber, "dynamics": dynamics}, run="fem")
+    assert beyond(examined(case, tmp_path, "fem")) == {"locking"}
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(("h", "resolved"), [(0.1, False), (0.025, True)])
+def test_a_warm_plate_clamped_on_one_edge_needs_fine_cells(solver, h, resolved, tmp_path):
+    """Its F is the energy at the clamped corners: 8 % off with ten cells along the edge."""
+    case = {
+        **PLATE, "plane": {"assumption": "stress", "thickness": 1.0}, "boundaries": {}, "mesh": {"h": h},
+        "materials": {"steel": {**PLATE["materials"]["steel"], "expansion": 1e-5}},
+        "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}},
+        "constraints": [{"on": "bottom", "direction": direction, "value": 0} for direction in "xy"],
+        "eigenstrains": [{"temperature": 100.0, "ramp": "load"}], "load": {"path": [0.0, 1.0], "increment": 1.0},
+    }  # fmt: skip
+    found = examined(case_from_tables(case, run=solver), tmp_path, solver)
+    assert beyond(found) == (set() if resolved else {"resolution"})
 
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])

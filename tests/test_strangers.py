@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import meshio
+import numpy as np
 import pytest
 
 from cases import Case, CaseError, case_from_tables
+from fem_reference.mesh.build import build_mesh
+from mpm.grid import Grid
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 PLATE: dict[str, Any] = {
@@ -60,6 +64,62 @@ def test_every_slit_is_open_in_both_solvers(notches):
     fem, mpm = (force(plate(solver, notches=notches), solver) for solver in ("fem", "mpm"))
     assert fem < 0.98 * whole
     assert mpm == pytest.approx(fem, rel=5e-3)
+
+
+def less(cut: dict[str, Any]) -> dict[str, Any]:
+    """The plate with a shape cut out."""
+    shape = {"difference": {"of": PLATE["bodies"]["plate"]["shape"], "minus": [cut]}}
+    return {"plate": {"material": "steel", "shape": shape}}
+
+
+def window(*corners: float) -> dict[str, Any]:
+    """The plate with a rectangle cut out."""
+    return less({"rectangle": {"lower": list(corners[:2]), "upper": list(corners[2:])}})
+
+
+HOLE = less({"disc": {"centre": [1.0, 0.5], "radius": 0.2}})
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize(
+    ("bodies", "notches"),
+    [
+        (window(0.8, 0.3, 1.2, 0.7), [slit(0.5, 0.8), slit(1.2, 1.5)]),
+        (HOLE, [slit(0.5, 0.8), slit(1.2, 1.5)]),
+        (window(0.0, 0.5, 0.5, 1.0), [slit(0.5, 1.0)]),
+        (window(0.0, 0.5, 0.5, 1.0), [slit(0.5, 1.0, 0.75)]),
+        (PLATE["bodies"], [{"kind": "cells", "start": [0.0, 0.5], "end": [0.5, 0.5], "width": 0.2}, slit(0.5, 0.75)]),
+    ],
+    ids=["window", "hole", "corner", "wall", "cells"],
+)
+def test_a_slit_is_open_where_it_meets_an_edge_within_the_bounding_box(bodies, notches, order):
+    changes = {"bodies": bodies, "notches": notches, "mesh": {"h": 0.05}}
+    fem, mpm = force(plate("fem", **changes), "fem"), force(plate("mpm", **changes, mpm={"order": order}), "mpm")
+    assert mpm == pytest.approx(fem, rel=0.005 if order == 1 else 0.025)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_slits_that_meet_part_a_body_as_one_slit_does(solver):
+    with pytest.raises(CaseError, match="plate can move in x freely"):
+        DISCRETISATIONS[solver](plate(solver, notches=[slit(0.0, 1.0), slit(1.0, 2.0)]))
+
+
+def test_a_slit_that_ends_in_a_gap_narrower_than_the_functions_is_refused():
+    changes = {"bodies": window(0.8, 0.3, 0.82, 0.7), "notches": [slit(0.5, 0.8)], "mpm": {"order": 2}}
+    with pytest.raises(CaseError, match=r"notches.*0\.8.*gap.*make mesh\.h smaller"):
+        DISCRETISATIONS["mpm"](plate("mpm", **changes))
+    Grid(plate("mpm", **changes, mesh={"h": 0.01}))
+
+
+@pytest.mark.parametrize("ends", [([0.0, 0.0], [0.5, 0.0]), ([2.0, 0.25], [2.0, 0.75]), ([0.0, 0.0], [2.0, 0.0])])
+def test_a_slit_on_the_edge_of_a_body_is_refused(ends):
+    with pytest.raises(CaseError, match=r"notches\[0\].*lies on an edge.*into a body"):
+        plate("mpm", notches=[{"kind": "slit", "start": ends[0], "end": ends[1]}])
+
+
+def test_a_path_that_never_leaves_zero_is_refused():
+    with pytest.raises(CaseError, match=r"load\.path.*stays at 0.*second value"):
+        plate("fem", load={"path": [0.0], "increment": 1e-3})
 
 
 def test_two_notches_on_one_line_have_the_stiffness_of_a_fine_mesh():
@@ -119,3 +179,54 @@ def test_a_prologue_ends_at_the_first_state_that_is_wanted():
     case = plate("fem", materials=BREAKING, **changes)
     loads = [record.u for record in solver_records(DISCRETISATIONS["fem"](case), case)]
     assert loads[1] == pytest.approx(4e-4, rel=1e-12)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_crack_of_a_mesh_file_carries_pressure_and_opens(solver, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    drawn = build_mesh(plate("fem", notches=[slit(0.0, 0.5)], mesh={"h": 0.125})).arrays
+    meshio.Mesh(np.pad(drawn.points, ((0, 0), (0, 1))), [("quad", drawn.cells)]).write("cracked.vtu")
+    cracked = {"bodies": {"plate": {"material": "steel", "mesh": "cracked.vtu"}}, "mesh": {"h": 0.125}}
+    pressed = [*PLATE["constraints"][:2], {"on": "top", "direction": "y", "scale": -1}]
+    whole = force(plate(solver, mesh={"h": 0.125}), solver)
+    assert force(plate(solver, **cracked, constraints=pressed), solver) == pytest.approx(whole, rel=1e-3)
+    assert force(plate(solver, **cracked), solver) < 0.9 * whole
+
+
+def test_the_remedy_for_a_phase_constraint_on_smooth_splines_works():
+    held = {"on": "top", "direction": "phase", "value": 1}
+    changes = {"materials": BREAKING, "constraints": [*PLATE["constraints"], held], "mesh": {"h": 0.1}}
+    with pytest.raises(CaseError, match=r"constraints\[3\].*phase.*mpm\.order = 1"):
+        DISCRETISATIONS["mpm"](plate("mpm", **changes, mpm={"order": 2}))
+    assert force(plate("mpm", **changes, mpm={"order": 1}), "mpm") > 0.0
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_what_draws_a_crack_in_a_material_that_cannot_break_is_refused(solver):
+    with pytest.raises(CaseError, match=r"notches\[0\].*'history'.*cannot break.*kind = \"slit\""):
+        plate(solver, notches=[{"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}])
+    held = {"on": "top", "direction": "phase", "value": 0}
+    with pytest.raises(CaseError, match=r"constraints\[3\]\.direction.*nothing can break"):
+        plate(solver, constraints=[*PLATE["constraints"], held])
+
+
+BEAM: dict[str, Any] = {
+    **{key: PLATE[key] for key in ("title", "requirement", "plane", "runs")},
+    "units": {"length": "m", "force": "N", "time": "s"},
+    "materials": {"m": {"young": 1e6, "poisson": 0.0, "density": 1000.0}},
+    "bodies": {"beam": {"material": "m", "shape": {"rectangle": {"lower": [0, 0], "upper": [2, 1]}}}},
+    "constraints": [{"on": "left", "direction": direction, "value": 0} for direction in "xy"],
+    "dynamics": {"end_time": 0.3, "gravity": [0, -0.01]},
+    "mesh": {"h": 0.1},
+}
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_moving_notch_that_does_not_part_its_body_is_refused(solver):
+    notch = {"kind": "cells", "start": [1.0, 1.0], "end": [1.0, 0.5], "width": 0.1}
+    inclined = {**notch, "end": [1.4, 0.4]}
+    case = case_from_tables({**BEAM, "notches": [inclined if solver == "fem" else notch]}, run=solver)
+    with pytest.raises(CaseError, match=r"notches\[0\]\.width = 0\.1.*hang together; make mesh\.h no more"):
+        DISCRETISATIONS[solver](case)
+    remedy = {"notches": [notch], "mesh": {"h": 0.1 / 3.0}}
+    DISCRETISATIONS[solver](case_from_tables({**BEAM, **remedy}, run=solver))

@@ -7,7 +7,7 @@ import math
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,9 +56,12 @@ app = typer.Typer(
 CaseArgument = Annotated[
     str, typer.Argument(help="name in the library, folder with a case.toml, or .toml file")
 ]
-OptionalCase = Annotated[
-    str | None,
-    typer.Argument(metavar="[CASE]", help="name, folder or .toml file; all of the library without it"),
+CasesArgument = Annotated[
+    list[str], typer.Argument(metavar="CASE...", help="names in the library, folders with a case.toml, or .toml files")
+]
+OptionalCases = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[CASE]...", help="names, folders or .toml files; all of the library without any"),
 ]
 TierOption = Annotated[str, typer.Option("--tier", help="resolution: quick, standard or paper")]
 
@@ -102,8 +105,21 @@ def _console() -> Console:
     return Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty(), markup=False, highlight=False, emoji=False)
 
 
-def _selected(case: str | None, tier: str) -> list[Case]:
-    return [load_case(name, tier) for name in ([case] if case else list_cases())]
+def _selected(names: Sequence[str] | None, tier: str) -> list[Case]:
+    """The cases that are asked for, all of the library without.
+
+    Raises CaseError where two files are called the same, so that the results of one would replace those of the other.
+    """
+    found: dict[str, Case] = {}
+    for name in names or list_cases():
+        case = load_case(name, tier)
+        other = found.setdefault(case.name, case)
+        if other.source != case.source:
+            raise CaseError(
+                f"{case.source}: is called {case.name!r} as {other.source} is, so that their results would replace each"
+                " other; rename one of the two."
+            )
+    return list(found.values())
 
 
 # ----------------------------------------------------------------------------------------- look, not compute
@@ -152,17 +168,18 @@ def _solver_table() -> Table:
 
 
 @app.command()
-def validate(case: OptionalCase = None) -> None:
+def validate(cases: OptionalCases = None) -> None:
     """Check case files in all tiers and runs, without running them: what they say, and whether their solvers take them.
 
-    Examples: `verify validate` · `verify validate sen_tension` · `verify validate my_case.toml`
+    Examples: `verify validate` · `verify validate sen_tension` · `verify validate mine.toml other.toml`
     """
     wrong, console = False, _console()
-    for name in [case] if case else list_cases():
+    for case in _selected(cases, TIERS[0]):
         for tier in TIERS:
-            checks_of(load_case(name, tier))
-        found = refusals(load_case(name, tier, run) for tier in TIERS for run in load_case(name, tier).expanded_runs())
-        for sentence in found.sentences or [f"{name}: valid{found.note}"]:
+            checks_of(load_case(case.source, tier))
+        named = ((tier, run) for tier in TIERS for run in load_case(case.source, tier).expanded_runs())
+        found = refusals(load_case(case.source, tier, run) for tier, run in named)
+        for sentence in found.sentences or [f"{case.name}: valid{found.note}"]:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:
@@ -171,7 +188,7 @@ def validate(case: OptionalCase = None) -> None:
 
 @app.command()
 def plan(
-    case: CaseArgument,
+    cases: CasesArgument,
     tier: TierOption = "standard",
     run_names: RunOption = None,
     accuracy: AccuracyOption = None,
@@ -182,26 +199,34 @@ def plan(
     With an accuracy, the savings with the highest recorded prices are switched off until the rest keeps within it, as
     `verify run --accuracy` does; what the case's charts say of it is repeated.
 
-    Examples: `verify plan sen_tension --tier paper` · `verify plan sen_tension --tier quick --accuracy 1%`
+    Examples: `verify plan sen_tension --tier paper` · `verify plan mine.toml other.toml` ·
+    `verify plan sen_tension --tier quick --accuracy 1%`
     """
     from verify.planning.plan import RULE
-    from verify.planning.plan import plan as make_plan
     from verify.studies.charts import recorded_choices
 
-    base, console = load_case(case, tier), _console()
-    _refuse([load_case(case, tier, name) for name in selected_runs(base, run_names)])
-    for name in selected_runs(base, run_names):
-        if SOLVERS[base.run_spec(name).solver].table:
-            console.print(f"{base.name}, run {name}: comes as a table, so that there is nothing to plan")
-            continue
-        planned = make_plan(load_case(case, tier, name), name, accuracy)
-        table = Table("what", "value", title=planned.title, title_justify="left")
-        for row in planned.rows():
-            table.add_row(*row)
-        console.print(table)
+    console, bases = _console(), _selected(cases, tier)
+    named = named_runs(bases, run_names)
+    _refuse([load_case(source, tier, name) for source, _, name in named])
+    for source, _, name in named:
+        _print_plan(console, load_case(source, tier, name), name, accuracy)
     console.print(f"Seconds are a rough estimate: {RULE}.")
-    for sentence in recorded_choices(base, out, accuracy) if accuracy else ():
-        console.print(f"Measured by `verify chart`: {sentence}")
+    for base in bases if accuracy else ():
+        for sentence in recorded_choices(base, out, accuracy):
+            console.print(f"{base.name}, measured by `verify chart`: {sentence}")
+
+
+def _print_plan(console: Console, case: Case, run: str, accuracy: float | None) -> None:
+    from verify.planning.plan import plan as make_plan
+
+    if SOLVERS[case.run_spec(run).solver].table:
+        console.print(f"{case.name}, run {run}: comes as a table, so that there is nothing to plan")
+        return
+    planned = make_plan(case, run, accuracy)
+    table = Table("what", "value", title=planned.title, title_justify="left")
+    for row in planned.rows():
+        table.add_row(*row)
+    console.print(table)
 
 
 @app.command()
@@ -279,7 +304,7 @@ def schema() -> None:
 
 @app.command("run")
 def run_command(
-    case: OptionalCase = None,
+    cases: OptionalCases = None,
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     run_names: RunOption = None,
@@ -308,7 +333,7 @@ def run_command(
     each, console = threads if cluster else max(1, threads // jobs), _console()
     wanted = [
         Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
-        for named in named_runs(_selected(case, tier), run_names)
+        for named in named_runs(_selected(cases, tier), run_names)
     ]
     # a mistake in the last case is told before the first run; those of the library have none
     _refuse([job.case() for job in wanted if not job.source.is_relative_to(LIBRARY)])
@@ -336,17 +361,18 @@ def _refuse(cases: list[Case]) -> None:
 
 
 @app.command()
-def compare(case: OptionalCase = None, tier: TierOption = "standard", out: OutOption = DEFAULT_OUT) -> None:
+def compare(names: OptionalCases = None, tier: TierOption = "standard", out: OutOption = DEFAULT_OUT) -> None:
     """Judge finished runs and write summary.json, junit.xml, summary.csv and summary.md. Computes nothing.
 
-    Without a case, all cases of the library that have been run in this tier are judged.
+    Without a case, all cases of the library that have been run in this tier are judged. `verify report` draws one report
+    of all that were judged together.
 
-    Examples: `verify compare` · `verify compare sen_tension --tier paper`
+    Examples: `verify compare` · `verify compare sen_tension --tier paper` · `verify compare mine.toml other.toml`
     """
-    cases = _selected(case, tier)
+    cases = _selected(names, tier)
     found = [loaded for loaded in cases if _has_runs(loaded, out)]
     if not found:
-        command = " ".join(["verify run", *([case] if case else []), "--tier", tier, "--out", str(out)])
+        command = " ".join(["verify run", *(names or []), "--tier", tier, "--out", str(out)])
         raise RunFolderError(
             f"{out / 'runs'}: nothing has been run in tier {tier!r}; do it with `{command}`."
         )
@@ -448,7 +474,7 @@ def report(
 
 @app.command("coverage")
 def coverage_command(
-    case: OptionalCase = None,
+    cases: OptionalCases = None,
     source: Annotated[str, typer.Option("--source", help="only sources with this in their name: Kakouris")] = "",
     out: OutOption = DEFAULT_OUT,
     to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="write the table as CSV")] = None,
@@ -459,7 +485,7 @@ def coverage_command(
     """
     from verify.judging.coverage import coverage, coverage_sentence, coverage_table
 
-    rows = [row for row in coverage(_selected(case, "standard"), out) if source.lower() in row.source.lower()]
+    rows = [row for row in coverage(_selected(cases, "standard"), out) if source.lower() in row.source.lower()]
     if not rows:
         raise typer.BadParameter("there is no printed number of that source; leave --source out to see all")
     shown = Table("case", "quantity", "run", "tier", "printed", "ours", "off", "limit")

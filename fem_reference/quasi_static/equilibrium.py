@@ -74,6 +74,6 @@ class MeshEquilibrium(DisplacementEquations):
 
 def _closing_faces(case: Case, basis: ElementBasis) -> ClosingFaces:
     mesh = MeshArrays(basis.nodes, basis.elements.astype(np.int64), basis.body)
-    slits = [notch for notch in case.notches if isinstance(notch, SlitNotch) and notch.contact]
+    slits = [notch for notch in case.all_notches if isinstance(notch, SlitNotch) and notch.contact]
     pairs = [(face_pairs(mesh, slit), np.array([-slit.direction[1], slit.direction[0]])) for slit in slits]
     return ClosingFaces.of(case, pairs, float(MaterialTable(case).stiffness.max()))

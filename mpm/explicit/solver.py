@@ -16,7 +16,8 @@ from mpm.explicit.phase_field import PointPhaseField
 from mpm.explicit.prescribed import Tractions, held_lines
 from mpm.explicit.step_bound import stable_step
 from mpm.grid import GridError
-from mpm.placement import PointCloud, place_in_bodies
+from mpm.placement import PointCloud, place_in_bodies, placement_health_in_bodies
+from numerics.built import check_notches_part
 from numerics.costs import Costs
 from numerics.exact_errors import moving_errors
 from numerics.explicit import Balance
@@ -48,6 +49,7 @@ class ExplicitMaterialPoints:
         self.cloud = cloud or place_in_bodies(case)
         self.bodies = [MovingBody(case, number, self.cloud) for number in range(len(case.bodies))]
         self._moving = [body for body in self.bodies if not body.rigid]
+        self._check_notches()
         self._start_from_exact()
         self._start_notches()
         self.contact = Contact(case, self.bodies)
@@ -71,6 +73,15 @@ class ExplicitMaterialPoints:
                     f"{case.source}: notches: the slit from {list(notch.start)} to {list(notch.end)} would open a grid"
                     ' that stays, this one moves; give kind = "cells" or "history".'
                 )
+
+    def _check_notches(self) -> None:
+        """Raise BuiltError where points on both sides of a notch give to the same node."""
+        case, order = self.case, self.case.mpm.order
+        cells = np.floor((self.cloud.positions - case.bounding_box()[0]) / case.mesh.h + 1e-9).astype(np.int64) + order
+        reached = np.stack(np.meshgrid(*[np.arange(order + 1)] * 2, indexing="ij"), -1).reshape(-1, 2)
+        nodes = (cells[:, None, :] + reached) @ (int(cells.max()) + order + 1, 1)
+        remedy = f"make mesh.h no more than 1/{order + 1} of it"
+        check_notches_part(case, self.cloud.positions, nodes, (order + 1) * case.mesh.h, remedy)
 
     def _start_from_exact(self) -> None:
         """Velocities and strains of the case's exact solution at the start, where it has them."""
@@ -253,6 +264,7 @@ class ExplicitMaterialPoints:
     def measures(self) -> dict[str, float]:
         """Errors against an exact solution, half-width and peak of the pressure on a floor, lengths of loaded edges."""
         errors = moving_errors(self.case, self.fields()) | loaded_lengths(self._tractions.lengths)
+        errors |= placement_health_in_bodies(self.case, self.cloud)
         pressed = self.contact.pressure_on_floor(self.case.mpm.order)
         if pressed and self.case.dynamics is not None:
             weight = -self.case.dynamics.gravity[1] * sum(body.points.matter.mass.sum() for body in self._moving)

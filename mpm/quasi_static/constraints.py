@@ -363,7 +363,7 @@ def node_motions(case: Case, grid: Grid) -> NodeMotions:
     """The case's constraints on nodes of the grid, none where it has them on the points."""
     if case.mpm.constraints_on != "nodes":
         return NodeMotions(case, [])
-    grid.check_edges_interpolate()
+    grid.check_edges_interpolate("mpm.constraints_on", 'constraints_on = "points"')
     return NodeMotions(case, displacement_motions(case, nodes_on(case, grid.nodes), grid.nodes))
 
 

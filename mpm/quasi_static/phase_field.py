@@ -39,9 +39,9 @@ class GridPhaseField:
                 ' use kind = "cells" or "history" instead'
             )
         self._held, self._first = np.zeros(grid.n_nodes, bool), np.ones(grid.n_nodes)
-        for constraint in case.constraints:
+        for number, constraint in enumerate(case.constraints):
             if constraint.direction == "phase":
-                grid.check_edges_interpolate()
+                grid.check_edges_interpolate(f"constraints[{number}].direction = 'phase'", "mpm.order = 1")
                 nodes, _ = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
                 # the slope is held at zero with the value, Eq. 5.11
                 nodes = grid.beside(nodes) if self._fourth_order else nodes

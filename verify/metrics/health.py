@@ -43,7 +43,11 @@ INDICATORS = {
     ),
     "locking": Indicator(
         "share of the elastic energy in volume changes that alternate from point to point",
-        0.05, "set mesh.locking_free = true, or mpm.order = 2",
+        0.05, "set mesh.locking_free = true in a quasi-static case, or take material points with mpm.order = 2",
+    ),
+    "resolution": Indicator(
+        "share of the squared stress that jumps from cell to cell, where eigenstrains act and F is an energy",
+        0.02, "make mesh.h smaller",
     ),
     "quadrature": Indicator(
         "share of the volume in cells with fewer than 2 x 2 material points",
@@ -124,7 +128,7 @@ def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
     slits = [notch for notch in case.all_notches if notch.kind == "slit"]
     if slits and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
-    found |= _locking(case, fields)
+    found |= _locking(case, fields) | _resolution(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
     return found | ({"numerical_fracture": float(sum(pieces))} if pieces else {})
@@ -153,7 +157,13 @@ def _means(key: NDArray, value: NDArray) -> dict[int, float]:
 
 
 def _locking(case: Case, fields: Fields) -> dict[str, float]:
-    """Of bodies that hardly change their volume; cells of 2 h are large enough to hold some triangles."""
+    """Of bodies that hardly change their volume; cells of 2 h are large enough to hold some triangles.
+
+    Where waves come and go the last state alone tells too little: moving elements then lock by what they are.
+    """
+    by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
+    if case.dynamics and not by_points and _bulk_modulus(case, _LOCKS_IN_MOTION).any():
+        return {"locking": 1.0}
     bulk = _bulk_modulus(case)[fields.body]
     stiff = bulk > 0.0
     total = float((fields.energy_density * fields.volume)[stiff].sum())
@@ -167,17 +177,55 @@ def _locking(case: Case, fields: Fields) -> dict[str, float]:
     return {"locking": float(alternating[stiff].sum()) / total}
 
 
-#: Poisson's ratio above which plane strain may lock
-_NEARLY_INCOMPRESSIBLE = 0.45
+#: weights of xx, yy, xy in the square of a stress
+_SQUARE = np.array([1.0, 1.0, 2.0])
 
 
-def _bulk_modulus(case: Case) -> NDArray:
-    """Of each body [stress]; 0 where it can change its volume."""
+def _resolution(case: Case, fields: Fields) -> dict[str, float]:
+    """Of whole bodies on which eigenstrains act: F is their energy, which is off by what their stress is off, squared.
+
+    The stress of a good solution is nearly linear over blocks of 2 h; what is left of it beside the best plane in each
+    is about what it is off, as in the estimate of Zienkiewicz and Zhu (1987). A body that expands freely has none.
+    """
+    if not case.eigenstrains or case.load_kinds[1] != "energy":
+        return {}
+    from physics.elasticity import MaterialTable  # judging does without compiled laws
+
+    held_back = MaterialTable(case).stiffness.max() * np.abs(fields.gradient).max(initial=0.0)
+    if np.abs(fields.stress).max(initial=0.0) <= _ROUND_OFF * held_back:
+        return {}
+    whole = np.isin(fields.body, list(_whole_bodies(case, fields)))
+    place, stress, weight = fields.reference[whole], fields.stress[whole], fields.volume[whole]
+    block = np.column_stack([np.floor(place / (2.0 * case.mesh.h) + 1e-9).astype(int), fields.body[whole]])
+    _, block = np.unique(block, axis=0, return_inverse=True)
+    left, terms = stress, [np.ones((len(place), 1)), place[:, :1], place[:, 1:]]
+    while terms:
+        term, *terms = terms
+        of_term = [_projection(other, term, block.ravel(), weight) for other in (left, *terms)]
+        left, *terms = (other - part for other, part in zip((left, *terms), of_term, strict=True))
+    jumping, all_of_it = (float((_SQUARE * of**2 * weight[:, None]).sum()) for of in (left, stress))
+    return {"resolution": jumping / all_of_it} if all_of_it > 0.0 else {}
+
+
+def _projection(values: NDArray, term: NDArray, block: NDArray, weight: NDArray) -> NDArray:
+    """Part (n, k) of values along a term (n, 1), by least squares in each block (n,)."""
+    square = np.bincount(block, weight * term[:, 0] ** 2)
+    along = np.column_stack([np.bincount(block, weight * term[:, 0] * column) for column in values.T])
+    share = np.divide(along, square[:, None], out=np.zeros_like(along), where=square[:, None] > 0.0)
+    return term * share[block]
+
+
+#: Poisson's ratio above which plane strain may lock, and above which elements without a remedy do
+_NEARLY_INCOMPRESSIBLE, _LOCKS_IN_MOTION = 0.45, 0.495
+
+
+def _bulk_modulus(case: Case, beyond: float = _NEARLY_INCOMPRESSIBLE) -> NDArray:
+    """Of each body whose Poisson's ratio is beyond one in plane strain [stress]; 0 where it can change its volume."""
     from physics.elasticity import MaterialTable  # judging does without compiled laws
 
     table = MaterialTable(case)
     ratio = table.lame_lambda / (2.0 * (table.lame_lambda + table.shear_modulus))
-    locks = (ratio > _NEARLY_INCOMPRESSIBLE) & (case.plane.assumption == "strain")
+    locks = (ratio > beyond) & (case.plane.assumption == "strain")
     return np.where(locks, table.lame_lambda + table.shear_modulus, 0.0)
 
 

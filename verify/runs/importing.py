@@ -193,11 +193,19 @@ def _values(table: pd.DataFrame, target: str, source: Source, case: Case, file: 
         where = f"{source.column!r} is no finite number in row {int(bad.argmax()) + 1} ({bad.sum()} of {len(bad)} rows)"
         raise ImportedError(f"{file}: column {where}; correct or remove what is not.")
     try:
-        factor = unit_factor(source.unit, target, case.units, bool(case.dynamics)) if source.unit else 1.0
+        factor = unit_factor(source.unit, target, case.units, _kinds(case)) if source.unit else 1.0
     except BrokenRuleError as error:
         said = f"column {source.column!r} for {target}: {error.value or source.unit} {error.text}"
+        if target in ("u", "F") and case.load_kinds[0] == "number":
+            said += ", since u is the factor of this case's loads and F their work per factor"
         raise ImportedError(f"{file}: {said}; {error.remedy}.") from None
     return values * source.factor * factor
+
+
+def _kinds(case: Case) -> dict[str, str]:
+    """Kind of quantity of each column of a history: u is the time in dynamics, a number where loads follow it."""
+    by_load = {"displacement": "length", "number": "number"}[case.load_kinds[0]]
+    return KINDS_OF_COLUMNS | {"u": "time" if case.dynamics else by_load, "F": case.load_kinds[1]}
 
 
 def _apply_words(columns: dict[str, np.ndarray], mapping: Mapping, case: Case) -> None:
