@@ -12,9 +12,12 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
+
+    from matplotlib.axis import Axis
 
     from .interactive import Curves
     from .results import RunResults
@@ -145,14 +148,21 @@ def curve_axes(width: float, height: float, xlabel: str, ylabel: str) -> tuple[F
     return figure, axes[0, 0]
 
 
-def legend_below(figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "") -> None:
+def legend_below(
+    figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "", place: str = "outside lower center"
+) -> None:
     """Put one legend below the panels: each label of any of the axes once, the one called ``last`` at the end."""
     labelled = [pair for each in axes for pair in zip(*each.get_legend_handles_labels(), strict=True)]
     handles = {label: handle for handle, label in labelled}
     if last in handles:
         handles[last] = handles.pop(last)
     if handles:
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=min(len(handles), columns))
+        figure.legend(handles.values(), handles.keys(), loc=place, ncols=min(len(handles), columns))
+
+
+def legend_above(figure: Figure, axes: Iterable[Any], columns: int = 4) -> None:
+    """Put one legend above the panels, from the left, where the eye begins: for figures of many kinds of lines."""
+    legend_below(figure, axes, columns, place="outside upper left")
 
 
 def colours_of(names: Sequence[str]) -> dict[str, str]:
@@ -166,6 +176,12 @@ def colours_of(names: Sequence[str]) -> dict[str, str]:
 def slug(text: str) -> str:
     """Return a name that is safe as a file name and as an anchor."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-") or "unnamed"
+
+
+def in_percent(axis: Axis) -> None:
+    """Show shares on a logarithmic axis as percent, in plain numbers."""
+    axis.set_major_formatter(FuncFormatter(lambda share, _: f"{100.0 * share:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def nice_number(value: float) -> float:

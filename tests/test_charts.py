@@ -19,6 +19,7 @@ from verify.runs import running
 from verify.studies import study as studies
 from verify.studies.charts import choice_sentence, choices, extrapolated, make_charts, slopes
 from verify.studies.maps import make_maps
+from verify.studies.records import Made
 from verify.studies.study import LONG, Options, StudyError, announce
 
 CHART = """
@@ -228,7 +229,8 @@ def test_a_level_that_fails_stays_in_the_table(
     failed = pd.read_csv(file).query("at == 0.25")
     assert (failed["status"] == "no_convergence").all() and failed["error"].isna().all()
     with drawing_style():
-        assert "fem_ladder at 0.25" in draw_chart(file, tmp_path).caption
+        made = Made("charts", "spacing", file, load_case(case_file, "quick"))
+        assert "fem_ladder at 0.25" in draw_chart(made, tmp_path).caption
 
 
 def failing_at(h: float):
@@ -239,9 +241,10 @@ def failing_at(h: float):
     return increments
 
 
-def test_the_figure_repeats_the_choice_and_the_order(chart: Path, tmp_path: Path) -> None:
+def test_the_figure_repeats_the_choice_and_the_order(finished: Path, chart: Path, tmp_path: Path) -> None:
+    case = load_case(finished / "square" / "case.toml", "quick")
     with drawing_style():
-        drawing = draw_chart(chart, tmp_path, "title")
+        drawing = draw_chart(Made("charts", "spacing", chart, case), tmp_path)
     assert (tmp_path / drawing.file).stat().st_size > 1000
     assert "For 5 % in all quantities choose" in drawing.caption and "fem_ladder 2" in drawing.caption
 
@@ -302,7 +305,7 @@ def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_
     with drawing_style():
         # as the command does, which leaves the figure's numbers among the tables
         for table in (out / "charts").rglob("spacing.csv"):
-            draw_chart(table, table.parent)
+            draw_chart(Made("charts", "spacing", table, case), table.parent)
         drawings = [*accuracy_against_cost(results, tmp_path / "figures"), *where_it_fails(results, tmp_path / "figures")]
     assert [drawing.name for drawing in drawings] == ["chart-spacing", "map-spacing"]
     assert "For 5 % in all quantities choose" in drawings[0].caption and "2 cells: 2 stable" in drawings[1].caption

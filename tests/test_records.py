@@ -1,25 +1,30 @@
 """Charts and maps of record: kept beside the case with where they come from, and shown by every report."""
 
+import json
 import re
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import fake_solver
 import pandas as pd
 import pytest
 
 from cases import Case, list_cases, load_case
-from reports import drawing_style
-from reports.charts import accuracy_against_cost
-from reports.maps import where_it_fails
+from reports import drawing_style, write_report
+from reports.charts import accuracy_against_cost, costs_of
+from reports.maps import label_of, where_it_fails
+from reports.overview import fronts
 from reports.results import CaseResults
+from reports.words import LEVELS
 from verify import cli
+from verify.judging.summary import summarise
 from verify.judging.targets import JudgeError
 from verify.runs import provenance, running
 from verify.studies import records
 from verify.studies.charts import make_charts
 from verify.studies.maps import make_maps
-from verify.studies.records import made_of
+from verify.studies.records import Made, made_of
 from verify.studies.study import Options
 
 STUDIES = """
@@ -175,8 +180,48 @@ def test_start_up_is_outside_the_clock(case: Case, tmp_path: Path, monkeypatch: 
     assert clock["now"] >= 100.0
 
 
+def test_axes_are_words_with_units() -> None:
+    """Each key that a map of the library varies has its words."""
+    for case in (load_case(name, tier) for name in list_cases() for tier in ("quick", "standard")):
+        for chosen in case.maps.values():
+            for levels in (chosen.x, chosen.y):
+                varied = [key for key, values in levels.items() if len(set(values)) > 1] or list(levels)[:1]
+                assert all(key.rpartition(".")[2] in LEVELS for key in varied)
+    tension, bar = load_case("sen_tension", "quick"), load_case("vibrating_bar", "quick")
+    assert label_of(tension.maps["increments"].x, tension) == "load increment [mm]"
+    assert label_of(tension.maps["increments"].y, tension) == "passes of the staggered scheme in each increment"
+    assert label_of(bar.maps["time_step"].x, bar) == "time step, as a share of the one by rule"
+    assert costs_of(bar)["work"].endswith("time steps") and costs_of(tension)["seconds"].endswith("[s]")
+
+
 def test_the_library_has_records_of_at_least_eight_cases() -> None:
     cases = [load_case(name, "quick") for name in list_cases()]
     assert sum(bool(list(case.folder.glob("charts/*/*-choices.csv"))) for case in cases) >= 8
     for case in cases:
         assert {made.name for made in made_of(case, "maps", Path("nowhere"))} == set(case.maps)
+
+
+# ---------------------------------------------------------------------------------------- the page of all cases
+
+
+def test_the_page_of_all_cases_has_their_fronts_and_their_borders(recorded: Case, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    (out / "runs").mkdir(parents=True)
+    (out / "summary.json").write_text(json.dumps(summarise([recorded], "quick", out)))
+    index = write_report(out)
+    page = (out / "studies.html").read_text()
+    assert 'href="studies.html"' in index.read_text() and 'href="pages/square-quick.html">Softening square' in page
+    assert re.search(r"cell size h \[mm\]: 0\.09\d", page) and "within 1 % → within 5 %" in page and "(first order)" in page
+    assert "version 0.1.0+abc1234 on Abacus 4004" in page
+    table = pd.read_csv(out / "figures" / "studies" / "fronts.csv").query("case == 'square'")
+    assert set(table["solver"]) == {"fem", "mpm"}
+    for _, front in table.groupby("solver"):
+        assert front["error"].is_monotonic_decreasing and front["seconds"].is_monotonic_increasing
+
+
+def test_a_level_is_as_wrong_as_its_worst_quantity(tmp_path: Path) -> None:
+    rows = [("h", "a", 0.1, 1.0), ("h", "b", 0.3, 1.0), ("h", "c", None, 1.0), ("g", "a", 0.2, 2.0), ("g", "b", 0.25, 2.0)]
+    table = pd.DataFrame(rows, columns=["level", "quantity", "error", "seconds"]).assign(solver="fem", ladder="all")
+    made = Made("charts", "spacing", tmp_path / "spacing.csv", SimpleNamespace(name="x", title="X"))
+    table.to_csv(made.file)
+    assert fronts([made])[["level", "error"]].to_numpy().tolist() == [["h", 0.3], ["g", 0.25]]

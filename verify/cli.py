@@ -93,6 +93,7 @@ ClusterOption = Annotated[
     typer.Option("--cluster", help="do the runs on this Dask cluster, one on each worker: tcp://host:8786"),
 ]
 RunOption = Annotated[list[str] | None, typer.Option("--run", help="only this run; may be repeated")]
+RecordOption = Annotated[bool, typer.Option("--record", help="keep them beside the case, for every report to show")]
 JobsOption = Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")]
 ThreadsOption = Annotated[int, typer.Option("--threads", min=1, help="threads of each run")]
 
@@ -563,28 +564,29 @@ def chart(
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--chart", help="only this chart; may be repeated")] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="runs of each level; the least time counts")] = 1,
-    record: Annotated[bool, typer.Option("--record", help="keep them beside the case, where every report sees them")] = False,
+    record: RecordOption = False,
     jobs: JobsOption = 1,
     threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Chart accuracy against cost: run the ladders of a case's charts, tabulate and draw error over time and work.
 
-    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts. Without a case, all of
-    the library that have charts are charted.
+    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts. Without a case, all
+    of the library that have charts are charted.
 
     Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3` ·
     `verify chart --tier quick --record`
     """
     from reports import draw_chart, drawing_style
     from verify.studies.charts import choice_sentence, make_charts
+    from verify.studies.records import Made
     from verify.studies.study import Options
 
     tell, options = _teller(), Options(out, jobs, threads, cluster)
     for loaded in _studied(case, tier, "charts"):
         for file in make_charts(loaded, options, names or [], repeats, tell, record):
             with drawing_style():
-                drawing = draw_chart(file, file.parent, loaded.charts[file.stem].title)
+                drawing = draw_chart(Made("charts", file.stem, file, loaded), file.parent)
             for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
                 tell(choice_sentence(choice))
             tell(f"Chart: {file}, {file.parent / drawing.file}")
@@ -596,7 +598,7 @@ def stability(
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--map", help="only this map; may be repeated")] = None,
-    record: Annotated[bool, typer.Option("--record", help="keep them beside the case, where every report sees them")] = False,
+    record: RecordOption = False,
     jobs: JobsOption = 1,
     threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
@@ -611,13 +613,14 @@ def stability(
     """
     from reports import draw_map, drawing_style
     from verify.studies.maps import make_maps
+    from verify.studies.records import Made
     from verify.studies.study import Options
 
     tell, options = _teller(), Options(out, jobs, threads, cluster)
     for loaded in _studied(case, tier, "maps"):
         for file in make_maps(loaded, options, names or [], tell, record):
             with drawing_style():
-                drawing = draw_map(file, file.parent, loaded.maps[file.stem])
+                drawing = draw_map(Made("maps", file.stem, file, loaded), file.parent)
             tell(drawing.caption)
             tell(f"Map: {file}, {file.parent / drawing.file}")
 
