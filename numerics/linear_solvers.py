@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import suppress
 from typing import Protocol
@@ -16,8 +17,11 @@ from .costs import Costs
 from .sparse_pattern import SymmetricPattern
 
 try:
-    from pypardiso import PyPardisoSolver
+    from pypardiso import PyPardisoSolver, ps
     from pypardiso.pardiso_wrapper import PyPardisoError
+
+    # each further solver, and those of child processes, would search the whole installation again for the library
+    os.environ.setdefault("PYPARDISO_MKL_RT", ps.libmkl._name)
 except ImportError:  # platforms without MKL
     PyPardisoSolver = None
 

@@ -87,8 +87,8 @@ def draw_fronts(table: pd.DataFrame, charts: Sequence[Made], folder: Path) -> st
     figure.supxlabel(costs_of(charts[0].case)["seconds"], fontsize=9)
     style.legend_above(figure, [axes.flat[0]])
     said = (
-        "Each point is the cheapest run with that error, the largest of all quantities that the case charts; below and to "
-        "the left is better. Seconds of different processors and of cases of different tiers are not to be compared."
+        "Each point is the cheapest run with that error, the largest of all quantities that the case charts; below and "
+        "to the left is better. Seconds of different processors and of cases of different tiers are not to be compared."
     )
     return style.drawing(figure, folder, "fronts", "What accuracy costs", said, table)
 
@@ -111,7 +111,7 @@ def _draw_case(axis: Any, table: pd.DataFrame, name: str, colours: dict[str, str
 
 
 def cost_rows(table: pd.DataFrame, charts: Sequence[Made]) -> list[dict[str, Any]]:
-    """For each case what is charted, where it comes from, and the least seconds of each solver for each target."""
+    """What of each case is charted, where it comes from, and each solver's least seconds for each target."""
     rows = []
     for name, part in table.groupby("case", sort=False):
         made = [one for one in charts if one.case.name == name]
@@ -158,7 +158,7 @@ def _borders(made: Made) -> Iterator[dict[str, str]]:
 
 
 def contents(summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
-    """What the page of all studies shows; ``drawing`` is None where nothing was charted, ``problem`` says what is amiss."""
+    """What the page of all studies shows; ``drawing`` is None without charts, ``problem`` says what is amiss."""
     shown: dict[str, Any] = {"drawing": None, "costs": [], "borders": [], "targets": TARGETS, "problem": ""}
     try:
         cases = studied_cases(summary, out)

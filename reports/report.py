@@ -20,7 +20,8 @@ from cases import UserError
 from verify.judging import coverage
 
 from . import (  # isort: skip
-    charts, curves, fields, film, maps, motion, orientations, overview, rocking, scene, style, surface, sweeps, tables, words,
+    charts, curves, fields, film, maps, motion, orientations, overview, rocking, scene, style, surface, sweeps, tables,
+    words,
 )  # fmt: skip
 from .pages import fill_page
 from .results import READING_ERRORS, CaseResults, method_of, read_summary

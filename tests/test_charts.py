@@ -328,7 +328,8 @@ y = { "mpm.points_per_cell" = [2] }
 
 
 def test_a_number_that_should_be_nought_is_its_own_error(case_file: Path, tmp_path: Path) -> None:
-    case_file.write_text(case_file.read_text().replace('{ metric = "peak_force" }', '{ metric = "energy_balance", value = 0 }'))
+    balanced = '{ metric = "energy_balance", value = 0 }'
+    case_file.write_text(case_file.read_text().replace('{ metric = "peak_force" }', balanced))
     (file,) = make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
     balance = pd.read_csv(file).query("quantity == 'energy_balance'")
     assert (balance["error"] == balance["value"].abs()).all() and balance["error"].notna().all()
