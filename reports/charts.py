@@ -52,10 +52,11 @@ def draw_chart(made: Made, folder: Path) -> style.Drawing:
         for axis in row:
             _draw_uncertainty(axis, part)
         row[0].set_ylabel(f"relative error of\n{str(quantity).replace('_', ' ')} [%]")
-        style.in_percent(row[0].yaxis)
+        style.plain_numbers(row[0].yaxis, 100.0)
     for axis, words in zip(axes[-1], costs.values(), strict=True):
         axis.set_xlabel(words)
-        axis.xaxis.set_minor_formatter(NullFormatter())
+    style.plain_numbers(axes[-1, 0].xaxis)
+    axes[-1, 1].xaxis.set_minor_formatter(NullFormatter())
     style.legend_above(figure, axes[:, 0])
     name = f"chart-{style.slug(made.name)}"
     title = f"Accuracy against cost: {made.study.title or made.name}"

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import NullFormatter
 
 from cases import Case, list_cases, load_case
 from cases.loader import LIBRARY
+from cases.solvers import SOLVERS
 from verify.studies.records import Kind, Made, made_of
 
 from . import style
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 TARGETS = (0.05, 0.01, 0.002)
 FRONT_COLUMNS = ("case", "title", "solver", "chart", "ladder", "level", "seconds", "error")
 PANELS = 4
+FAINT = "#cfd3d8"
 
 
 def studied_cases(summary: Mapping[str, Any], out: Path) -> list[Case]:
@@ -75,13 +76,13 @@ def draw_fronts(table: pd.DataFrame, charts: Sequence[Made], folder: Path) -> st
     names = list(table["case"].unique())
     rows = -(-len(names) // PANELS)
     figure, axes = style.panels(rows, PANELS, 11.5, 0.7 + 2.3 * rows, grid=True, sharex=True, sharey=True)
-    colours = style.colours_of(list(table["solver"].unique()))
+    colours = style.colours_of(solvers_of(table))
     for axis, name in zip(axes.flat, names, strict=False):
         _draw_case(axis, table, name, colours)
     for axis in list(axes.flat)[len(names) :]:
         axis.set_axis_off()
-    for number_, axis in enumerate(list(axes.flat)[: len(names)]):
-        axis.tick_params(labelbottom=number_ + PANELS >= len(names))
+    for place, axis in enumerate(list(axes.flat)[: len(names)]):
+        axis.tick_params(labelbottom=place + PANELS >= len(names))
     for axis in axes[:, 0]:
         axis.set_ylabel("relative error [%]")
     figure.supxlabel(costs_of(charts[0].case)["seconds"], fontsize=9)
@@ -93,20 +94,24 @@ def draw_fronts(table: pd.DataFrame, charts: Sequence[Made], folder: Path) -> st
     return style.drawing(figure, folder, "fronts", "What accuracy costs", said, table)
 
 
+def solvers_of(table: pd.DataFrame) -> list[str]:
+    """The solvers of a table in the order in which they are shown."""
+    return [solver for solver in SOLVERS if solver in set(table["solver"])]
+
+
 def _draw_case(axis: Any, table: pd.DataFrame, name: str, colours: dict[str, str]) -> None:
-    label: str | None = "the other cases"
-    for _, other in table[table["case"] != name].groupby(["case", "solver"], sort=False):
-        axis.plot(other["seconds"], other["error"], "-", color=style.PALE, linewidth=1.2, zorder=1, label=label)
-        label = None
-    mine = table[table["case"] == name]
+    mine, others = table[table["case"] == name], table[table["case"] != name]
     for solver, colour in colours.items():
         part, method = mine[mine["solver"] == solver], method_of(solver)
         axis.plot(
             part["seconds"], part["error"], method.line, marker="o", markersize=4, color=colour, label=method.title
         )
+    for count, (_, other) in enumerate(others.groupby(["case", "solver"], sort=False)):
+        label = "" if count else "the other cases"
+        axis.plot(other["seconds"], other["error"], "-", color=FAINT, linewidth=1.0, zorder=1, label=label)
     axis.set(xscale="log", yscale="log")
-    style.in_percent(axis.yaxis)
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    style.plain_numbers(axis.yaxis, 100.0)
+    style.plain_numbers(axis.xaxis)
     axis.set_title(textwrap.fill(str(mine["title"].iloc[0]), 34), fontsize=8.5, loc="left")
 
 
@@ -167,7 +172,7 @@ def contents(summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
             table = fronts(charts)
             with style.drawing_style():
                 shown["drawing"] = draw_fronts(table, charts, out / "figures" / "studies")
-            shown |= {"costs": cost_rows(table, charts), "solvers": list(table["solver"].unique())}
+            shown |= {"costs": cost_rows(table, charts), "solvers": solvers_of(table)}
         shown["borders"] = border_groups(all_made(cases, "maps", out))
     except READING_ERRORS as problem:
         shown["problem"] = f"{type(problem).__name__}: {problem}"

@@ -12,7 +12,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import LogFormatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -178,10 +178,22 @@ def slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-") or "unnamed"
 
 
-def in_percent(axis: Axis) -> None:
-    """Show shares on a logarithmic axis as percent, in plain numbers."""
-    axis.set_major_formatter(FuncFormatter(lambda share, _: f"{100.0 * share:g}"))
-    axis.set_minor_formatter(NullFormatter())
+class _PlainNumbers(LogFormatter):
+    """Ticks of a logarithmic axis as plain numbers, times a scale; minor ones where there are few of the others."""
+
+    def __init__(self, scale: float, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._scale = scale
+
+    def __call__(self, value: float, position: int | None = None) -> str:
+        shown = f"{self._scale * value:.9f}".rstrip("0").rstrip(".")
+        return shown if super().__call__(value, position) else ""
+
+
+def plain_numbers(axis: Axis, scale: float = 1.0) -> None:
+    """Show the numbers of a logarithmic axis times ``scale`` in full, shares as percent with a scale of 100."""
+    axis.set_major_formatter(_PlainNumbers(scale))
+    axis.set_minor_formatter(_PlainNumbers(scale, minor_thresholds=(1.0, 0.4)))
 
 
 def nice_number(value: float) -> float:
