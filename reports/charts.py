@@ -16,7 +16,7 @@ from verify.studies.records import made_of
 
 from . import style
 from .results import method_of
-from .words import listed, number
+from .words import listed, metric_in_words, number
 
 if TYPE_CHECKING:
     from cases import Case
@@ -51,7 +51,8 @@ def draw_chart(made: Made, folder: Path) -> style.Drawing:
             _draw_quantity(axis, part, cost, colours)
         for axis in row:
             _draw_uncertainty(axis, part)
-        row[0].set_ylabel(f"relative error of\n{str(quantity).replace('_', ' ')} [%]")
+        words = metric_in_words(str(quantity))
+        row[0].set_ylabel(f"{words} [%]" if "error" in words else f"relative error of\n{words.lower()} [%]")
         style.plain_numbers(row[0].yaxis, 100.0)
     for axis, words in zip(axes[-1], costs.values(), strict=True):
         axis.set_xlabel(words)

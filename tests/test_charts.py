@@ -221,6 +221,14 @@ def test_finished_levels_are_used_again_and_repeats_are_added(
     assert (pd.read_csv(again)["repeats"] == 2).all()
 
 
+def test_the_first_run_of_a_process_is_timed_again(chart: Path) -> None:
+    """With it the process starts: the coarsest level would seem dearer than it is."""
+    levels = pd.read_csv(chart).drop_duplicates(["ladder", "level"])
+    assert levels.groupby("ladder")["repeats"].apply(list).to_dict() == {
+        "fem_ladder": [2, 1, 1, 1], "mpm_ladder": [2, 1, 1],
+    }  # fmt: skip
+
+
 def test_a_level_that_fails_stays_in_the_table(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -118,10 +118,11 @@ class Times:
         return self.table.loc[np.logical_and.reduce(same), "seconds"]
 
     def measure(self, todo: list[Job], options: Options, repeats: int, tell: Tell) -> None:
-        """Run each job as often as is still wanted."""
+        """Run each job as often as is still wanted; the first of each run once more, as its process starts with it."""
         self._do(todo, options, tell)
-        for number in range(1, repeats):
-            self._do([replace(job, force=True, resume=False) for job in todo if self._few(job, number)], options, tell)
+        firsts = list({job.run: job for job in reversed(todo)}.values())
+        for number, jobs in [(1, firsts), *((number, todo) for number in range(1, repeats))]:
+            self._do([replace(job, force=True, resume=False) for job in jobs if self._few(job, number)], options, tell)
 
     def _few(self, job: Job, number: int) -> bool:
         run = finished_run(job)
