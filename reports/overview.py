@@ -112,6 +112,7 @@ def _draw_case(axis: Any, table: pd.DataFrame, name: str, colours: dict[str, str
     axis.set(xscale="log", yscale="log")
     style.plain_numbers(axis.yaxis, 100.0)
     style.plain_numbers(axis.xaxis)
+    axis.minorticks_off()
     axis.set_title(textwrap.fill(str(mine["title"].iloc[0]), 34), fontsize=8.5, loc="left")
 
 
