@@ -290,17 +290,20 @@ class _Attempt:
             self.status, self.reason = self.after.record.status, self.after.record.reason
 
     def _march(self, discretisation: ObservedDiscretisation) -> None:
+        from numerics.compilation import compilation
+
         behind = (self.after.record,) if self.after else ()
         started = time.perf_counter() - (self.after.record.seconds if self.after else 0.0)
         processor = discretisation.costs.seconds["processor"] - time.process_time()
         try:
-            for record in solver_records(discretisation, self.case, *behind):
-                # a grid that is refined on the way has a new account
-                discretisation.costs.seconds["processor"] = processor + time.process_time()
-                if record.is_last:
-                    self.status, self.reason = record.status, record.reason
-                for listener in self.listeners:
-                    listener.record(record, discretisation)
+            with compilation() as compiled:
+                for record in solver_records(discretisation, self.case, *behind):
+                    # a grid that is refined on the way has a new account
+                    discretisation.costs.seconds["processor"] = processor + time.process_time() - compiled.processor
+                    if record.is_last:
+                        self.status, self.reason = record.status, record.reason
+                    for listener in self.listeners:
+                        listener.record(record, discretisation)
         except StoppedError as stopped:
             self.status, self.reason = stopped.status, stopped.reason
         self.seconds["increments"] = time.perf_counter() - started
