@@ -8,6 +8,7 @@ OUT ?= reports/out
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
+RECORD ?=
 HISTORY ?=
 MAP ?=
 
@@ -48,11 +49,12 @@ verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= qui
 	if [ $$verdict -eq 0 ]; then exit $$ran; fi; exit $$verdict
 
 # A case without charts or maps at this tier says so (3) and the other is made.
-charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and report
-	$(if $(CASE),,$(error make charts needs a case: make charts CASE=surfing))
-	@$(BIN)/verify chart $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); charted=$$?; \
-	$(BIN)/verify stability $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); mapped=$$?; \
+charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and report; RECORD=1 records them, without CASE all
+	$(if $(CASE)$(RECORD),,$(error make charts needs a case: make charts CASE=surfing, or RECORD=1 to record all of the library))
+	@$(BIN)/verify chart $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS) $(if $(RECORD),--record); charted=$$?; \
+	$(BIN)/verify stability $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS) $(if $(RECORD),--record); mapped=$$?; \
 	if [ $$charted -ne 0 ] && [ $$mapped -ne 0 ]; then exit $$charted; fi; \
+	$(if $(CASE),,exit $$((charted > mapped ? charted : mapped));) \
 	$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); \
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); \
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS)

@@ -1,4 +1,4 @@
-"""How long numba compiles, so that a clock can leave it out."""
+"""How long numba compiles, or loads what it has compiled before, so that a clock can leave it out."""
 
 import time
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from numba.core import event
 
 @dataclass
 class Compilation:
-    """Seconds of the wall's clock and of the processor spent on compiling."""
+    """Seconds of the wall's clock and of the processor spent on compiling and loading."""
 
     wall: float = 0.0
     processor: float = 0.0
@@ -23,13 +23,13 @@ class _Listener(event.Listener):
         self._spent, self._depth = spent, 0
 
     def on_start(self, _: event.Event) -> None:
-        """One more function has begun to be compiled."""
+        """One more function has begun to be compiled or loaded."""
         if self._depth == 0:
             self._wall, self._processor = time.perf_counter(), time.process_time()
         self._depth += 1
 
     def on_end(self, _: event.Event) -> None:
-        """It is compiled."""
+        """It is there."""
         self._depth -= 1
         if self._depth == 0:
             self._spent.wall += time.perf_counter() - self._wall
@@ -38,7 +38,7 @@ class _Listener(event.Listener):
 
 @contextmanager
 def compilation() -> Iterator[Compilation]:
-    """What is spent on compiling inside the context."""
+    """What is spent inside the context on compiling and on loading compiled code, for which numba holds this lock."""
     spent = Compilation()
-    with event.install_listener("numba:compile", _Listener(spent)):
+    with event.install_listener("numba:compiler_lock", _Listener(spent)):
         yield spent

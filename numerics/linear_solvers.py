@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import re
 import sys
 from contextlib import suppress
-from importlib import metadata
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -24,18 +20,6 @@ try:
     from pypardiso.pardiso_wrapper import PyPardisoError
 except ImportError:  # platforms without MKL
     PyPardisoSolver = None
-
-
-def _tell_where_mkl_is() -> None:
-    """By the package's own list of files: pypardiso would search the whole environment, again for each solver."""
-    with suppress(metadata.PackageNotFoundError):
-        for file in metadata.files("mkl") or ():
-            if re.fullmatch(r"(lib)?mkl_rt(\.\d+)?\.(so|dll|dylib)(\.\d+)?", file.name):
-                os.environ.setdefault("PYPARDISO_MKL_RT", str(Path(str(file.locate())).resolve()))
-
-
-if PyPardisoSolver is not None:
-    _tell_where_mkl_is()
 
 #: relative size of the value that keeps unknowns without stiffness (empty cells, broken material) solvable
 EMPTY_DIAGONAL = 1e-10

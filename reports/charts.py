@@ -12,56 +12,62 @@ from matplotlib.ticker import NullFormatter
 
 from numerics.status import RunStatus
 from verify.studies.charts import choice_sentence
-from verify.studies.study import MADE_BEFORE, is_of_state, state_of
+from verify.studies.records import made_of
 
 from . import style
 from .results import method_of
-from .words import listed, number
+from .words import listed, metric_in_words, number
 
 if TYPE_CHECKING:
+    from cases import Case
+    from verify.studies.records import Made
+
     from .results import CaseResults
 
 FAILED = [status for status in RunStatus if status.failed]
-COSTS = {"seconds": "processor time [s]", "work": "unknowns × iterations, or points × steps"}
 
 
 def accuracy_against_cost(results: CaseResults, folder: Path) -> list[style.Drawing]:
-    """Draw every chart that has been made of the case."""
+    """Draw every chart of the case that has been made, here or for the record."""
     if results.case is None:
         return []
-    home = results.out / "charts" / results.name / results.tier
-    return [
-        draw_chart(home / f"{name}.csv", folder, chart.title, state_of(results.case, chart))
-        for name, chart in results.case.charts.items()
-        if (home / f"{name}-choices.csv").is_file()
-    ]
+    return [draw_chart(made, folder) for made in made_of(results.case, "charts", results.out)]
 
 
-def draw_chart(file: Path, folder: Path, title: str = "", state: str | None = None) -> style.Drawing:
-    """Draw one chart from its table, with the slopes and choices beside it; the caption says if it is of another state.
+def draw_chart(made: Made, folder: Path) -> style.Drawing:
+    """Draw one chart from its table, with the slopes and choices beside it; the caption says where it comes from.
 
     A row of axes for each quantity: its error over processor time and over counted work.
     """
-    table = pd.read_csv(file)
-    quantities = list(table["quantity"].unique())
+    table = pd.read_csv(made.file)
+    quantities, costs = list(table["quantity"].unique()), costs_of(made.case)
     figure, axes = style.panels(
-        len(quantities), len(COSTS), 9.4, 0.8 + 2.7 * len(quantities), grid=True, sharey="row", sharex="col"
+        len(quantities), len(costs), 9.4, 0.8 + 2.7 * len(quantities), grid=True, sharey="row", sharex="col"
     )
     colours = style.colours_of(list(table["ladder"].unique()))
     for row, quantity in zip(axes, quantities, strict=True):
         part = table[table["quantity"] == quantity]
-        for axis, cost in zip(row, COSTS, strict=True):
+        for axis, cost in zip(row, costs, strict=True):
             _draw_quantity(axis, part, cost, colours)
         for axis in row:
             _draw_uncertainty(axis, part)
-        row[0].set_ylabel(f"error in\n{str(quantity).replace('_', ' ')}")
-    for axis, words in zip(axes[-1], COSTS.values(), strict=True):
+        words = metric_in_words(str(quantity))
+        row[0].set_ylabel(f"{words} [%]" if "error" in words else f"relative error of\n{words.lower()} [%]")
+        style.plain_numbers(row[0].yaxis, 100.0)
+    for axis, words in zip(axes[-1], costs.values(), strict=True):
         axis.set_xlabel(words)
-        axis.xaxis.set_minor_formatter(NullFormatter())
-    style.legend_below(figure, axes[:, 0], columns=4)
-    name = f"chart-{style.slug(file.stem)}"
-    title = f"Accuracy against cost: {title or file.stem}"
-    return style.drawing(figure, folder, name, title, _caption(file, table, state), table)
+    style.plain_numbers(axes[-1, 0].xaxis)
+    axes[-1, 1].xaxis.set_minor_formatter(NullFormatter())
+    style.legend_above(figure, axes[:, 0])
+    name = f"chart-{style.slug(made.name)}"
+    title = f"Accuracy against cost: {made.study.title or made.name}"
+    return style.drawing(figure, folder, name, title, _caption(made, table), table)
+
+
+def costs_of(case: Case) -> dict[str, str]:
+    """Columns of costs, and what they are called on an axis."""
+    work = "material points × time steps" if case.dynamics else "unknowns × iterations"
+    return {"seconds": "processor time, start-up left out [s]", "work": f"counted work: {work}"}
 
 
 def _draw_quantity(axis: Any, part: pd.DataFrame, cost: str, colours: dict[str, str]) -> None:
@@ -87,16 +93,15 @@ def _draw_uncertainty(axis: Any, part: pd.DataFrame) -> None:
         axis.set_ylim(limits)
 
 
-def _caption(file: Path, table: pd.DataFrame, state: str | None) -> str:
-    choices = pd.read_csv(file.with_name(f"{file.stem}-choices.csv"))
-    slopes = pd.read_csv(file.with_name(f"{file.stem}-slopes.csv"))
+def _caption(made: Made, table: pd.DataFrame) -> str:
+    choices = pd.read_csv(made.file.with_name(f"{made.name}-choices.csv"))
+    slopes = pd.read_csv(made.file.with_name(f"{made.name}-slopes.csv"))
     together = choices[choices["quantity"] == "all quantities"]
     chosen = together if len(together) else choices
-    parts = [] if state is None or is_of_state(table, state) else [MADE_BEFORE]
-    parts += [choice_sentence(choice) for _, choice in chosen.iterrows()]
+    parts = [made.note(), *(choice_sentence(choice) for _, choice in chosen.iterrows())]
     parts += [_own_targets(table), _orders(slopes), _failures(table)]
     repeats = table["repeats"].dropna()
-    parts.append(f"Least processor time of {repeats.min():.0f} or more runs, compilation apart." if len(repeats) else "")
+    parts.append(f"Least processor time of {repeats.min():.0f} or more runs, start-up apart." if len(repeats) else "")
     return " ".join(part for part in parts if part)
 
 

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from verify.studies.study import MADE_BEFORE, is_of_state, state_of
+from verify.studies.records import made_of
 
 from . import style
-from .words import listed, number, plural
+from .words import level_in_words, listed, number, plural
 
 if TYPE_CHECKING:
-    from cases.studies import Map
+    from cases import Case
+    from verify.studies.records import Made
 
     from .results import CaseResults
 
@@ -37,23 +38,18 @@ ACCURATE = ("#0072B2", "#56B4E9", "#A6D3F0", "#D6EAF8")
 
 
 def where_it_fails(results: CaseResults, folder: Path) -> list[style.Drawing]:
-    """Draw every map that has been made of the case and that it still describes."""
-    home = results.out / "maps" / results.name / results.tier
+    """Draw every map of the case that has been made, here or for the record."""
     if results.case is None:
         return []
-    return [
-        draw_map(home / f"{name}.csv", folder, chosen, state_of(results.case, chosen))
-        for name, chosen in results.case.maps.items()
-        if (home / f"{name}.csv").is_file()
-    ]
+    return [draw_map(made, folder) for made in made_of(results.case, "maps", results.out)]
 
 
-def draw_map(file: Path, folder: Path, chosen: Map, state: str | None = None) -> style.Drawing:
+def draw_map(made: Made, folder: Path) -> style.Drawing:
     """Draw one map from its table: a field for each cell, dots for bisected ones, the theory's border as a line.
 
-    The caption says if the table is of another state.
+    The caption says where it comes from.
     """
-    table, borders = pd.read_csv(file), pd.read_csv(file.with_name(f"{file.stem}-borders.csv"))
+    table, borders = pd.read_csv(made.file), read_borders(made)
     columns, rows = (list(dict.fromkeys(table.loc[~table["bisected"], axis])) for axis in ("x", "y"))
     colours = _colours(table)
     figure, axes = style.panels(1, 1, 1.8 + 0.62 * max(len(columns), 6), 1.7 + 0.42 * max(len(rows), 3))
@@ -65,20 +61,25 @@ def draw_map(file: Path, folder: Path, chosen: Map, state: str | None = None) ->
     axis.set_xticks(range(len(columns)), [_short(value) for value in columns])
     axis.set_yticks(range(len(rows)), [_short(value) for value in rows])
     axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
-    axis.set(xlabel=_label(chosen.x), ylabel=_label(chosen.y))
+    axis.set(xlabel=label_of(made.study.x, made.case), ylabel=label_of(made.study.y, made.case))
     for verdict, colour in colours.items():
         axis.fill_between([], [], color=colour, label=verdict)
-    style.legend_below(figure, [axis])
-    name = f"map-{style.slug(file.stem)}"
-    title = f"Where it fails: {chosen.title or file.stem}"
-    before = "" if state is None or is_of_state(table, state) else f"{MADE_BEFORE} "
-    caption = f"{before}{_caption(table, borders)}{_powers(file.with_name(f'{file.stem}-powers.csv'), chosen)}"
+    style.legend_above(figure, [axis])
+    name = f"map-{style.slug(made.name)}"
+    title = f"Where it fails: {made.study.title or made.name}"
+    caption = " ".join(filter(None, (made.note(), _caption(table, borders), _powers(made))))
     return style.drawing(figure, folder, name, title, caption, table)
 
 
-def _label(levels: dict[str, tuple[Any, ...]]) -> str:
-    """The keys that differ from level to level."""
-    return ", ".join(key for key, values in levels.items() if any(value != values[0] for value in values))
+def read_borders(made: Made) -> pd.DataFrame:
+    """Where the verdict of a map changes, and where theory has it."""
+    return pd.read_csv(made.file.with_name(f"{made.name}-borders.csv"))
+
+
+def label_of(levels: dict[str, tuple[Any, ...]], case: Case) -> str:
+    """What differs from level to level, in words with units."""
+    varied = [key for key, values in levels.items() if any(value != values[0] for value in values)]
+    return ", ".join(level_in_words(key, case) for key in varied or list(levels)[:1])
 
 
 def _colours(table: pd.DataFrame) -> dict[str, str]:
@@ -142,12 +143,14 @@ def _caption(table: pd.DataFrame, borders: pd.DataFrame) -> str:
     return " ".join(parts)
 
 
-def _powers(file: Path, chosen: Map) -> str:
+def _powers(made: Made) -> str:
     """The errors of each row as a power of x."""
+    file = made.file.with_name(f"{made.name}-powers.csv")
     table = pd.read_csv(file) if file.is_file() else pd.DataFrame()
     said = []
     for _, row in table.iterrows():
         errors = f"{_short(row['y'])}: {number(100 * row['least'], 2)} % to {number(100 * row['largest'], 2)} %"
         power = f", power {row['power']:.2f} ± {row['uncertainty']:.2f}" if row["uncertainty"] < SURE else ""
         said.append(errors + power)
-    return f" Errors over {_label(chosen.x)} for each {_label(chosen.y)}: {'; '.join(said)}." if said else ""
+    x, y = (label_of(levels, made.case) for levels in (made.study.x, made.study.y))
+    return f"Errors over {x} for each {y}: {'; '.join(said)}." if said else ""

@@ -20,10 +20,11 @@ from cases import UserError
 from verify.judging import coverage
 
 from . import (  # isort: skip
-    charts, curves, fields, film, maps, motion, orientations, rocking, scene, style, surface, sweeps, tables, words,
+    charts, curves, fields, film, maps, motion, orientations, overview, rocking, scene, style, surface, sweeps, tables,
+    words,
 )  # fmt: skip
 from .pages import fill_page
-from .results import READING_ERRORS, CaseResults, read_summary
+from .results import READING_ERRORS, CaseResults, method_of, read_summary
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -108,12 +109,12 @@ def write_report(out: Path, jobs: int = 1) -> Path:
         with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
             pages = list(pool.map(page, summary["cases"]))
     file = out / "index.html"
-    printed = _write_printed(summary, out)
-    overview = _environment().get_template("index.html").render(
-        summary=summary, pages=pages, environment=_computed_with(pages), printed=printed,
+    printed, studies = _write_printed(summary, out), _write_studies(summary, out, pages)
+    index = _environment().get_template("index.html").render(
+        summary=summary, pages=pages, environment=_computed_with(pages), printed=printed, studies=studies,
         sentence=words.overview_sentence(summary["cases"]), root="",
     )  # fmt: skip
-    file.write_text(overview, encoding="utf-8")
+    file.write_text(index, encoding="utf-8")
     return file
 
 
@@ -129,6 +130,21 @@ def _write_printed(summary: Mapping[str, Any], out: Path) -> str:
     return sentence
 
 
+def _write_studies(summary: Mapping[str, Any], out: Path, pages: Sequence[Mapping[str, Any]]) -> str:
+    """Write the page of all charts and maps and return its sentence; empty where there are none."""
+    shown = overview.contents(summary, out)
+    counts = [(len(shown["costs"]), "case"), (len(shown["borders"]), "map")]
+    if not any(count for count, _ in counts) and not shown["problem"]:
+        return ""
+    charted, mapped = (words.plural(count, noun) for count, noun in counts)
+    sentence = f"Error over seconds of {charted}; the borders of {mapped} of failure, beside theory's where there is one."
+    page = _environment().get_template("studies.html").render(
+        **shown, sentence=sentence, pages={page["name"]: page["page"] for page in pages}, root=""
+    )
+    (out / "studies.html").write_text(page, encoding="utf-8")
+    return sentence
+
+
 def _environment() -> Environment:
     """Templates with escaping on; a variable that is not there is an error and not a gap."""
     environment = Environment(
@@ -136,7 +152,7 @@ def _environment() -> Environment:
     )
     environment.filters.update(
         number=words.number, percent=words.percent, section=words.section_words, subscripts=_subscripts,
-        numbers=lambda values: list(map(words.number, values)),
+        method=lambda solver: method_of(solver).title, numbers=lambda values: list(map(words.number, values)),
         verdict=lambda verdict: words.VERDICT_WORDS.get(verdict, verdict),
     )  # fmt: skip
     return environment

@@ -12,9 +12,12 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter, LogLocator
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
+
+    from matplotlib.axis import Axis
 
     from .interactive import Curves
     from .results import RunResults
@@ -145,14 +148,21 @@ def curve_axes(width: float, height: float, xlabel: str, ylabel: str) -> tuple[F
     return figure, axes[0, 0]
 
 
-def legend_below(figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "") -> None:
+def legend_below(
+    figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "", place: str = "outside lower center"
+) -> None:
     """Put one legend below the panels: each label of any of the axes once, the one called ``last`` at the end."""
     labelled = [pair for each in axes for pair in zip(*each.get_legend_handles_labels(), strict=True)]
     handles = {label: handle for handle, label in labelled}
     if last in handles:
         handles[last] = handles.pop(last)
     if handles:
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=min(len(handles), columns))
+        figure.legend(handles.values(), handles.keys(), loc=place, ncols=min(len(handles), columns))
+
+
+def legend_above(figure: Figure, axes: Iterable[Any], columns: int = 4) -> None:
+    """Put one legend above the panels, from the left, where the eye begins: for figures of many kinds of lines."""
+    legend_below(figure, axes, columns, place="outside upper left")
 
 
 def colours_of(names: Sequence[str]) -> dict[str, str]:
@@ -166,6 +176,25 @@ def colours_of(names: Sequence[str]) -> dict[str, str]:
 def slug(text: str) -> str:
     """Return a name that is safe as a file name and as an anchor."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-") or "unnamed"
+
+
+class _PlainNumbers(LogFormatter):
+    """Ticks of a logarithmic axis as plain numbers, times a scale; minor ones where there are few of the others."""
+
+    def __init__(self, scale: float, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._scale = scale
+
+    def __call__(self, value: float, position: int | None = None) -> str:
+        shown = f"{self._scale * value:.9f}".rstrip("0").rstrip(".")
+        return shown if super().__call__(value, position) else ""
+
+
+def plain_numbers(axis: Axis, scale: float = 1.0) -> None:
+    """Show the numbers of a logarithmic axis times ``scale`` in full, shares as percent with a scale of 100."""
+    axis.set_major_formatter(_PlainNumbers(scale))
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))  # each tick costs time to draw
+    axis.set_minor_formatter(_PlainNumbers(scale, minor_thresholds=(1.0, 0.4)))
 
 
 def nice_number(value: float) -> float:

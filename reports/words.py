@@ -24,6 +24,49 @@ VERDICT_WORDS = {
     "INFO": "Shown only",
 }
 
+#: what charts and maps vary, by the last part of its key: in words, and its kind of quantity or its unit
+LEVELS = {
+    "h": ("cell size h", "length"),
+    "points_per_cell": ("points per cell in each direction", ""),
+    "order": ("order of the splines", ""),
+    "penalty": ("penalty, in multiples of the stiffness", ""),
+    "linear_solver": ("linear solver", ""),
+    "method": ("linear solver", ""),
+    "allowed": ("iterations allowed", ""),
+    "damage": ("damage 1 − c of the crack", ""),
+    "residual_stiffness": ("share of the stiffness left where broken", ""),
+    "length_scale": ("length scale l0", "length"),
+    "increment": ("load increment", "load"),
+    "passes": ("passes of the staggered scheme in each increment", ""),
+    "tolerance": ("tolerance of the staggered scheme", ""),
+    "u": ("displacement reached", "load"),
+    "run": ("run", ""),
+    "cells": ("cells in the bar", ""),
+    "distance": ("distance that points have travelled, in lengths of the bar", ""),
+    "angle": ("angle turned", "°"),
+    "rotation": ("rotation of the strain", ""),
+    "friction": ("coefficient of friction", ""),
+    "slope": ("slope", "°"),
+    "share": ("time step, as a share of the one by rule", ""),
+    "time_step_share": ("time step, as a share of the one by rule", ""),
+    "cloud": ("cloud of points", ""),
+    "update": ("order of update", ""),
+    "flip": ("share of FLIP, the rest being PIC", ""),
+    "end_time": ("time", "time"),
+    "uplift_ratio": ("amplitude of the pulse over that which lifts the block", ""),
+    "frequency_ratio": ("frequency of the pulse over the block's", ""),
+}
+
+
+def level_in_words(key: str, case: Case | None = None) -> str:
+    """Return the key of what is varied as words with its unit."""
+    name = key.rpartition(".")[2]
+    words, kind = LEVELS.get(name, (name.replace("_", " "), ""))
+    unit = kind
+    if case is not None and kind not in ("", "°"):
+        unit = case.unit(case.load_kinds[0] if kind == "load" else kind)
+    return f"{words} [{unit}]" if unit not in ("", "1") and (case or kind == "°") else words
+
 
 def number(value: Any, digits: int = 4) -> str:
     """Return a number with ``digits`` significant digits; a dash when there is none."""

@@ -19,6 +19,7 @@ from verify.runs import running
 from verify.studies import study as studies
 from verify.studies.charts import choice_sentence, choices, extrapolated, make_charts, slopes
 from verify.studies.maps import make_maps
+from verify.studies.records import Made
 from verify.studies.study import LONG, Options, StudyError, announce
 
 CHART = """
@@ -220,6 +221,14 @@ def test_finished_levels_are_used_again_and_repeats_are_added(
     assert (pd.read_csv(again)["repeats"] == 2).all()
 
 
+def test_the_first_run_of_a_process_is_timed_again(chart: Path) -> None:
+    """With it the process starts: the coarsest level would seem dearer than it is."""
+    levels = pd.read_csv(chart).drop_duplicates(["ladder", "level"])
+    assert levels.groupby("ladder")["repeats"].apply(list).to_dict() == {
+        "fem_ladder": [2, 1, 1, 1], "mpm_ladder": [2, 1, 1],
+    }  # fmt: skip
+
+
 def test_a_level_that_fails_stays_in_the_table(
     case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -228,7 +237,8 @@ def test_a_level_that_fails_stays_in_the_table(
     failed = pd.read_csv(file).query("at == 0.25")
     assert (failed["status"] == "no_convergence").all() and failed["error"].isna().all()
     with drawing_style():
-        assert "fem_ladder at 0.25" in draw_chart(file, tmp_path).caption
+        made = Made("charts", "spacing", file, load_case(case_file, "quick"))
+        assert "fem_ladder at 0.25" in draw_chart(made, tmp_path).caption
 
 
 def failing_at(h: float):
@@ -239,9 +249,10 @@ def failing_at(h: float):
     return increments
 
 
-def test_the_figure_repeats_the_choice_and_the_order(chart: Path, tmp_path: Path) -> None:
+def test_the_figure_repeats_the_choice_and_the_order(finished: Path, chart: Path, tmp_path: Path) -> None:
+    case = load_case(finished / "square" / "case.toml", "quick")
     with drawing_style():
-        drawing = draw_chart(chart, tmp_path, "title")
+        drawing = draw_chart(Made("charts", "spacing", chart, case), tmp_path)
     assert (tmp_path / drawing.file).stat().st_size > 1000
     assert "For 5 % in all quantities choose" in drawing.caption and "fem_ladder 2" in drawing.caption
 
@@ -302,7 +313,7 @@ def test_the_report_shows_charts_and_maps_from_their_tables(finished: Path, tmp_
     with drawing_style():
         # as the command does, which leaves the figure's numbers among the tables
         for table in (out / "charts").rglob("spacing.csv"):
-            draw_chart(table, table.parent)
+            draw_chart(Made("charts", "spacing", table, case), table.parent)
         drawings = [*accuracy_against_cost(results, tmp_path / "figures"), *where_it_fails(results, tmp_path / "figures")]
     assert [drawing.name for drawing in drawings] == ["chart-spacing", "map-spacing"]
     assert "For 5 % in all quantities choose" in drawings[0].caption and "2 cells: 2 stable" in drawings[1].caption
@@ -322,3 +333,11 @@ run = "fem"
 x = { "mesh.h" = [0.2, 0.25] }
 y = { "mpm.points_per_cell" = [2] }
 """
+
+
+def test_a_number_that_should_be_nought_is_its_own_error(case_file: Path, tmp_path: Path) -> None:
+    balanced = '{ metric = "energy_balance", value = 0 }'
+    case_file.write_text(case_file.read_text().replace('{ metric = "peak_force" }', balanced))
+    (file,) = make_charts(load_case(case_file, "quick"), Options(tmp_path / "out"))
+    balance = pd.read_csv(file).query("quantity == 'energy_balance'")
+    assert (balance["error"] == balance["value"].abs()).all() and balance["error"].notna().all()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numba
 import numpy as np
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
 
 from mpm.explicit.stresses import elastic_stress
 from numerics.compilation import compilation
@@ -70,3 +71,10 @@ def test_a_folder_that_cannot_be_written_is_no_reason_to_stop(tmp_path, monkeypa
     monkeypatch.setenv(kernel_cache.VARIABLE, "")
     kernel_cache.keep_kernels()
     assert not os.environ[kernel_cache.VARIABLE]
+
+
+def test_loading_what_was_compiled_before_is_counted_as_compiling() -> None:
+    """Numba holds the compiler's lock for both; the first load of a process takes most of a second."""
+    with compilation() as spent, global_compiler_lock:
+        time.sleep(0.02)
+    assert spent.wall >= 0.02

@@ -14,6 +14,7 @@ from reports import draw_map, drawing_style
 from verify.runs import running
 from verify.studies import explicit_clouds, krylov, probes
 from verify.studies.maps import make_maps, powers
+from verify.studies.records import Made
 from verify.studies.study import Options, StudyError
 
 MAP = """
@@ -54,9 +55,10 @@ def test_bisection_makes_the_border_sharp_at_little_cost(tmp_path: Path, first_o
     assert borders["theory"].to_numpy() == pytest.approx([0.1, 0.1], rel=1e-6)
     assert (borders["verdict_below"] == "within 1 %").all() and (borders["verdict_above"] == "within 5 %").all()
     with drawing_style():
-        drawing = draw_map(file, tmp_path, load_case(tmp_path / "square" / "case.toml", "quick").maps["spacing"])
+        drawing = draw_map(Made("maps", "spacing", file, load_case(tmp_path / "square" / "case.toml", "quick")), tmp_path)
     assert "Measured over theoretical border (first order" in drawing.caption
-    assert "Errors over mesh.h for each mpm.points_per_cell: 1: 0.5 % to 2.5 %, power 1.00 ± 0.00" in drawing.caption
+    said = "Errors over cell size h [mm] for each points per cell in each direction: 1: 0.5 % to 2.5 %, power 1.00 ± 0.00"
+    assert said in drawing.caption
     assert (tmp_path / drawing.file).stat().st_size > 1000
 
 

@@ -97,6 +97,14 @@ def test_a_solver_that_an_interrupt_left_unmade_goes_without_noise(monkeypatch):
     assert not noise
 
 
+def test_the_direct_solvers_library_is_searched_for_once(monkeypatch):
+    """The search goes through the whole installation and takes longer than a small case."""
+    wrapper = pytest.importorskip("pypardiso.pardiso_wrapper")
+    monkeypatch.setattr(wrapper.glob, "glob", lambda *_, **__: pytest.fail("searched again"))
+    monkeypatch.setattr(wrapper, "find_library", lambda _: pytest.fail("searched again"))
+    linear_solvers.Pardiso(None, Costs())
+
+
 def test_gather_vector_drops_what_is_eliminated():
     assert gather_vector(np.array([[0, -1], [0, 1]]), np.array([[1.0, 9.0], [2.0, 4.0]]), 2).tolist() == [3.0, 4.0]
 

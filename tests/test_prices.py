@@ -27,7 +27,7 @@ from verify.planning.recorded_prices import (
 )
 from verify.planning.savings import all_off, savings
 from verify.runs import running
-from verify.studies import prices
+from verify.studies import records
 from verify.studies.prices import price
 from verify.studies.study import Options, StudyError
 
@@ -58,7 +58,7 @@ reason = "prices its savings"
 def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A graded case; on the graded grid the stand-in is 2 % too stiff."""
     fake_solver.install(monkeypatch)
-    for module in (running, prices):
+    for module in (running, records):
         monkeypatch.setattr(module, "code_version", lambda: "0.1.0+abc1234")
 
     def solver(case):
@@ -111,7 +111,7 @@ def test_a_comparison_of_two_runs_is_priced_against_the_run_without_the_saving(c
 def test_prices_have_the_version_that_made_their_runs(
     priced: pd.DataFrame, case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (running, prices):
+    for module in (running, records):
         monkeypatch.setattr(module, "code_version", lambda: "0.1.0+later-dirty")
     case = load_case(case_file, "quick")
     price(case, Options(tmp_path / "out"), ["fem"], record=True)

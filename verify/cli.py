@@ -96,6 +96,7 @@ ClusterOption = Annotated[
     typer.Option("--cluster", help="do the runs on this Dask cluster, one on each worker: tcp://host:8786"),
 ]
 RunOption = Annotated[list[str] | None, typer.Option("--run", help="only this run; may be repeated")]
+RecordOption = Annotated[bool, typer.Option("--record", help="keep them beside the case, for every report to show")]
 JobsOption = Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")]
 ThreadsOption = Annotated[int, typer.Option("--threads", min=1, help="threads of each run")]
 
@@ -577,64 +578,77 @@ def _teller() -> Callable[[str], None]:
     return lambda line: console.print(line)
 
 
+def _studied(case: str | None, tier: str, key: str) -> list[Case]:
+    """The case that is named, or all of the library that have charts or maps (``key``) at the tier."""
+    return [load_case(case, tier)] if case else [one for one in _selected(None, tier) if getattr(one, key)]
+
+
 @app.command()
 def chart(
-    case: CaseArgument,
+    case: OptionalCase = None,
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--chart", help="only this chart; may be repeated")] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="runs of each level; the least time counts")] = 1,
+    record: RecordOption = False,
     jobs: JobsOption = 1,
     threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Chart accuracy against cost: run the ladders of a case's charts, tabulate and draw error over time and work.
 
-    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts.
+    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts. Without a case, all
+    of the library that have charts are charted.
 
-    Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3`
+    Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3` ·
+    `verify chart --tier quick --record`
     """
     from reports import draw_chart, drawing_style
     from verify.studies.charts import choice_sentence, make_charts
+    from verify.studies.records import Made
     from verify.studies.study import Options
 
-    tell, loaded = _teller(), load_case(case, tier)
-
-    for file in make_charts(loaded, Options(out, jobs, threads, cluster), names or [], repeats, tell):
-        with drawing_style():
-            drawing = draw_chart(file, file.parent, loaded.charts[file.stem].title)
-        for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
-            tell(choice_sentence(choice))
-        tell(f"Chart: {file}, {file.parent / drawing.file}")
+    tell, options = _teller(), Options(out, jobs, threads, cluster)
+    for loaded in _studied(case, tier, "charts"):
+        for file in make_charts(loaded, options, names or [], repeats, tell, record):
+            with drawing_style():
+                drawing = draw_chart(Made("charts", file.stem, file, loaded), file.parent)
+            for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
+                tell(choice_sentence(choice))
+            tell(f"Chart: {file}, {file.parent / drawing.file}")
 
 
 @app.command()
 def stability(
-    case: CaseArgument,
+    case: OptionalCase = None,
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--map", help="only this map; may be repeated")] = None,
+    record: RecordOption = False,
     jobs: JobsOption = 1,
     threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Map where a method fails: a verdict for every pair of two levels, the border between them bisected.
 
-    Finished runs are used again, failed ones too. Tables and figures go to OUT/maps.
+    Finished runs are used again, failed ones too. Tables and figures go to OUT/maps. Without a case, all of the library
+    that have maps are mapped.
 
-    Examples: `verify stability sen_tension --tier quick` · `verify stability surfing --map toughness --jobs 2`
+    Examples: `verify stability sen_tension --tier quick` · `verify stability surfing --map toughness --jobs 2` ·
+    `verify stability --tier quick --record`
     """
     from reports import draw_map, drawing_style
     from verify.studies.maps import make_maps
+    from verify.studies.records import Made
     from verify.studies.study import Options
 
-    tell, loaded = _teller(), load_case(case, tier)
-
-    for file in make_maps(loaded, Options(out, jobs, threads, cluster), names or [], tell):
-        with drawing_style():
-            drawing = draw_map(file, file.parent, loaded.maps[file.stem])
-        tell(drawing.caption)
-        tell(f"Map: {file}, {file.parent / drawing.file}")
+    tell, options = _teller(), Options(out, jobs, threads, cluster)
+    for loaded in _studied(case, tier, "maps"):
+        for file in make_maps(loaded, options, names or [], tell, record):
+            with drawing_style():
+                drawing = draw_map(Made("maps", file.stem, file, loaded), file.parent)
+            tell(drawing.caption)
+            tell(f"Map: {file}, {file.parent / drawing.file}")
 
 
 @app.command("price")

@@ -21,6 +21,8 @@ SOLVING_MODULES = (
     "verify/runs/frames.py", "verify/runs/vtk_files.py", "verify/runs/importing.py", "verify/metrics/crack_path.py",
     "verify/runs/foreign_fields.py",
 )  # fmt: skip
+# What is recorded beside a case from results: it changes none.
+RECORDED = ("baseline.csv", "charts/*", "maps/*", "prices.csv", "results/*")
 
 
 @functools.cache
@@ -35,13 +37,21 @@ def code_version() -> str:
 
 
 def _git_description() -> str:
+    """The last commit, ``-dirty`` where a file of it has changed that can change a result."""
     if not (ROOT / ".git").exists():
         return ""
-    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--tags"]
     try:
-        return subprocess.run(command, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
+        described = _git("describe", "--always", "--tags")
+        others = [f":(exclude)cases/library/*/{name}" for name in RECORDED]
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ".", *others)
     except (OSError, subprocess.SubprocessError):
         return ""
+    return f"{described}-dirty" if changed else described
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(ROOT), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
 
 
 @functools.cache

@@ -26,6 +26,8 @@ from verify.metrics.registry import PAIR_METRICS, find_metric
 from verify.runs.atomic import write_table
 from verify.runs.jobs import Job, Outcome
 from verify.runs.run_folder import RunFolder
+from verify.studies.records import record as keep
+from verify.studies.records import require_committed_runs
 from verify.studies.study import (
     MADE_BEFORE,
     NO_VALUE,
@@ -68,16 +70,22 @@ def chart_folder(out: Path, case: Case) -> Path:
 
 
 def make_charts(
-    case: Case, options: Options, names: Sequence[str] = (), repeats: int = 1, tell: Tell = lambda line: None
+    case: Case, options: Options, names: Sequence[str] = (), repeats: int = 1, tell: Tell = lambda line: None,
+    record: bool = False,
 ) -> list[Path]:
     """Run what is not finished, evaluate, write the tables of the named charts (all without names).
+
+    record : keep them beside the case too
 
     Raises
     ------
     StudyError : no such chart, or a chart asks for what cannot be evaluated. CaseError : a level is no valid case.
-    """
+    JudgeError : charts of runs that were made by code that is not committed are to be recorded.
+    """  # fmt: skip
     studies = [ChartStudy(case, name, options) for name in chosen_tables(case, "charts", names)]
     todo = [job for study in studies for job in study.jobs()]
+    if record:
+        require_committed_runs(todo, options.out)
     warning = announce(_forecast(todo, options, repeats), f"The charts of {case.name}")
     if warning:
         tell(warning)
@@ -86,7 +94,11 @@ def make_charts(
     for study in studies:
         for sentence in study.without_error(times):
             tell(sentence)
-    return [study.write(times) for study in studies]
+    files = [study.write(times) for study in studies]
+    if record:
+        kept = [keep(case, "charts", file, study.jobs()) for study, file in zip(studies, files, strict=True)]
+        tell("\n".join(f"Recorded: {file}" for file in kept))
+    return files
 
 
 def _forecast(todo: list[Job], options: Options, repeats: int) -> float:
@@ -106,10 +118,11 @@ class Times:
         return self.table.loc[np.logical_and.reduce(same), "seconds"]
 
     def measure(self, todo: list[Job], options: Options, repeats: int, tell: Tell) -> None:
-        """Run each job as often as is still wanted."""
+        """Run each job as often as is still wanted; the first of each run once more, as its process starts with it."""
         self._do(todo, options, tell)
-        for number in range(1, repeats):
-            self._do([replace(job, force=True, resume=False) for job in todo if self._few(job, number)], options, tell)
+        firsts = list({job.run: job for job in reversed(todo)}.values())
+        for number, jobs in [(1, firsts), *((number, todo) for number in range(1, repeats))]:
+            self._do([replace(job, force=True, resume=False) for job in jobs if self._few(job, number)], options, tell)
 
     def _few(self, job: Job, number: int) -> bool:
         run = finished_run(job)
@@ -270,7 +283,7 @@ class ChartStudy:
     ) -> dict[str, float]:
         """Value, reference, uncertainty and relative error; what the run does not give is left out.
 
-        Of a reference of zero there is no relative error.
+        Of a reference of zero there is no relative error, but of a number that should be nought, an error itself.
         """
         try:
             if quantity.metric in PAIR_METRICS:
@@ -281,7 +294,8 @@ class ChartStudy:
             return {}
         told, size = {"value": value, "reference": target.value}, abs(target.value)
         if size == 0.0:
-            return told
+            is_error = find_metric(quantity.metric).unit == "number"
+            return told | ({"uncertainty": 0.0, "error": abs(value)} if is_error else {})
         error = find_metric(quantity.metric).error(value, target.value, "relative")
         return told | {"uncertainty": target.uncertainty / size, "error": error}
 

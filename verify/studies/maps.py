@@ -29,6 +29,8 @@ from verify.runs.jobs import Job
 from verify.runs.run_folder import RunFolder
 from verify.studies.borders import BORDERS, RigidBlock
 from verify.studies.probes import PROBES
+from verify.studies.records import record as keep
+from verify.studies.records import require_committed_runs
 from verify.studies.study import (
     NO_VALUE,
     Options,
@@ -84,20 +86,29 @@ def map_folder(out: Path, case: Case) -> Path:
 
 
 def make_maps(
-    case: Case, options: Options, names: Sequence[str] = (), tell: Tell = lambda line: None
+    case: Case, options: Options, names: Sequence[str] = (), tell: Tell = lambda line: None, record: bool = False
 ) -> list[Path]:
     """Run what is not finished, judge every cell, bisect the borders, write the tables of the named maps.
+
+    record : keep them beside the case too
 
     Raises
     ------
     StudyError : no such map, probe, border or metric. CaseError : the case itself is not valid.
+    JudgeError : maps of runs that were made by code that is not committed are to be recorded.
     """
     studies = [MapStudy(case, name, options) for name in chosen_tables(case, "maps", names)]
     todo = [job for study in studies for job in study.jobs(study.cells)]
+    if record:
+        require_committed_runs(todo, options.out)
     warning = announce(forecast(todo, options.at_once), f"The maps of {case.name}")
     if warning:
         tell(warning)
-    return [study.make(tell) for study in studies]
+    files = [study.make(tell) for study in studies]
+    if record:
+        kept = [keep(case, "maps", file, study.jobs(study.cells)) for study, file in zip(studies, files, strict=True)]
+        tell("\n".join(f"Recorded: {file}" for file in kept))
+    return files
 
 
 def _at(history: pd.DataFrame, row: int = -1) -> dict[str, Any]:

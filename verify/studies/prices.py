@@ -17,14 +17,13 @@ import pandas as pd
 from cases import Case, Check, load_case
 from cases.solvers import SOLVERS
 from numerics.status import RunStatus
-from verify.judging.acceptance import require_committed
 from verify.metrics.registry import METRICS, PAIR_METRICS, find_metric, metric_unit
 from verify.planning.recorded_prices import PRICE_COLUMNS, PRICES_FILE, read_prices
 from verify.planning.savings import all_off, savings
 from verify.runs.atomic import write_table
 from verify.runs.jobs import Job
-from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolder
+from verify.studies.records import require_committed_runs
 from verify.studies.study import (
     NO_VALUE,
     Options,
@@ -91,7 +90,7 @@ def price(
         remedy = f"; its runs have: {', '.join(known)}" if known else ""
         raise StudyError(f"{case.source}: {what} of its runs can be switched off at tier {case.tier!r}{remedy}.")
     if record:
-        _require_committed(todo)
+        require_committed_runs(todo, options.out)
     warning = announce(forecast(todo, options.at_once), f"The prices of {case.name}")
     if warning:
         tell(warning)
@@ -106,13 +105,6 @@ def price(
 
 def _plain_runs(case: Case) -> list[str]:
     return [name for name, spec in case.run_specs().items() if not spec.sweep_values and not SOLVERS[spec.solver].table]
-
-
-def _require_committed(todo: Sequence[Job]) -> None:
-    """Before anything is run: of what is finished the code that made it counts, else the code as it stands."""
-    for job in todo:
-        run = finished_run(job)
-        require_committed(run.info["code_version"] if run else code_version(), job.folder())
 
 
 def _record(case: Case, table: pd.DataFrame) -> None:
