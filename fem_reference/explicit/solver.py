@@ -50,8 +50,8 @@ class ExplicitFiniteElements:
                             ' solver = "mpm".')  # fmt: skip
         (name, body), = case.bodies.items()
         if body.unbreakable:
-            raise CaseError(f"{case.source}: bodies.{name}.unbreakable: explicit finite elements break everywhere; remove it"
-                            ' or run the case with solver = "mpm".')  # fmt: skip
+            raise CaseError(f"{case.source}: bodies.{name}.unbreakable: explicit finite elements break anywhere;"
+                            ' remove it or run the case with solver = "mpm".')  # fmt: skip
         self.case, self.costs = case, Costs()
         materials = MaterialTable(case)
         self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))

@@ -60,9 +60,14 @@ def body_angle(body: MovingBody, reference: NDArray, within: NDArray | None = No
     return math.atan2(float((mass * cross).sum()), float((mass * (first * present).sum(axis=1)).sum()))
 
 
-def regions_of(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> dict[str, tuple[MovingBody, NDArray, NDArray]]:
-    """What `body_angle` takes for each region of a case."""
-    found, numbers = {}, {name: number for number, name in enumerate(case.bodies)}
+#: body, first places of all points and mask of those in it, as `body_angle` takes them
+Region = tuple[MovingBody, NDArray, NDArray]
+
+
+def regions_of(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> dict[str, Region]:
+    """The regions of a case by their names; GridError for one without points."""
+    found: dict[str, Region] = {}
+    numbers = {name: number for number, name in enumerate(case.bodies)}
     for name, region in case.output.regions.items():
         number = numbers[region.body]
         within = region.within.contains(cloud.positions) & (cloud.body == number)

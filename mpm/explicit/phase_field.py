@@ -24,6 +24,8 @@ SANE = (-1.0, 2.0)
 #: driving energy over resistance above which the phase field, then below its inverse, is zero for all that it does: more
 #: would make the equations of wide open cracks stiff for nothing
 LARGEST_DRIVE = 1e4
+#: toughness of parts that cannot break over that of the body, which holds its phase field at 1 beside them (thesis 7.4.2.1)
+TOUGHER = 1000.0
 _SQUARE = np.ones((3, 3), bool)
 
 
@@ -48,7 +50,7 @@ class PointPhaseField:
         # over the numbers of the body's points; None where all of it can break
         self._breakable: NDArray | None = None
         if body_of_case.unbreakable:
-            self._breakable = np.ones(body.points.number.max() + 1)
+            self._breakable = np.ones(body.points.number.max() + 1, bool)
             self._breakable[body.points.number] = body_of_case.can_break(body.positions())
         self._block = max(1, round(BLOCK * self._law.length_scale / body.lattice.h))
         self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
@@ -79,7 +81,7 @@ class PointPhaseField:
         p, law = self._body.points, self._law
         phase_field_kernels.to_points(order, strips, p.motion, history, law, over_h, nodal, now, p.crack)
         if self._breakable is not None:
-            whole = self._breakable[p.number] == 0.0
+            whole = ~self._breakable[p.number]
             p.crack.c[whole], p.crack.energy[whole], p.crack.broken_at[whole] = 1.0, 0.0, np.nan
         if law.bending:
             phase_field_kernels.add_curvature_energy(order, strips, p.motion, p.axes, law, over_h, nodal, p.crack.energy)
@@ -130,7 +132,7 @@ class PointPhaseField:
         equations = CellEquations(width, number, local, right_side)
         matter = p.matter
         if self._breakable is not None:
-            matter = matter._replace(volume=matter.volume * self._breakable[p.number])
+            matter = matter._replace(volume=np.where(self._breakable[p.number], 1.0, TOUGHER) * matter.volume)
         phase_field_kernels.add_points(
             order, window.strips, p.motion, matter, history, self._law, 1.0 / h, equations
         )
