@@ -26,7 +26,7 @@ from verify.extras import missing_extra
 from verify.judging.acceptance import accept
 from verify.judging.judge import checks_of, find_runs
 from verify.judging.summary import exit_code, summarise, write_summary
-from verify.judging.views import check_name, check_sentence, counts, failed_runs, suspect_runs
+from verify.judging.views import check_name, check_sentence, counts, failed_runs, needed_records, suspect_runs
 from verify.runs.atomic import write_table
 from verify.runs.jobs import Job, outcomes
 from verify.runs.provenance import code_version
@@ -37,7 +37,7 @@ from verify.runs.selection import named_runs, selected_runs
 
 RUN_FAILED, BAD_INPUT, INTERNAL_ERROR = 2, 3, 5
 COLOURS = {"PASS": "green"} | dict.fromkeys(("FAIL", "RUN_FAILED", "SUSPECT"), "red")
-COLOURS |= dict.fromkeys(("MISSING", "NOT_CHECKED"), "yellow")
+COLOURS |= dict.fromkeys(("MISSING", "NEEDS_RECORD", "NOT_CHECKED"), "yellow")
 EXIT_CODE_HELP = (
     "Exit codes: 0 within tolerance, 1 out of tolerance or suspect, 2 a run failed, 3 bad input, 4 nothing was checked,"
     " 5 internal error."
@@ -162,7 +162,7 @@ def validate(case: OptionalCase = None) -> None:
         for tier in TIERS:
             checks_of(load_case(name, tier))
         found = refusals(load_case(name, tier, run) for tier in TIERS for run in load_case(name, tier).expanded_runs())
-        for sentence in found.sentences or [f"{name}: valid{found.note}"]:
+        for sentence in (found.sentences or [f"{name}: valid{found.note}"]) + found.needs:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:
@@ -320,7 +320,7 @@ def run_command(
     for outcome in outcomes([job for job, _ in planned], jobs, cluster):
         console.print(f"{outcome.title}: {outcome.line}")
         ended.append(outcome)
-    if any(outcome.refused for outcome in ended):
+    if any(outcome.refused for outcome in ended) or all(outcome.needs_record for outcome in ended):
         raise typer.Exit(BAD_INPUT)
     if any(outcome.failed for outcome in ended):
         raise typer.Exit(RUN_FAILED)
@@ -328,7 +328,8 @@ def run_command(
 
 def _refuse(cases: list[Case]) -> None:
     """Raise CaseError with all that the solvers of these runs object to, if they do."""
-    if sentences := refusals(cases).sentences:
+    found = refusals(cases)
+    if sentences := found.sentences + found.needs:
         raise CaseError("\n".join(sentences))
 
 
@@ -344,8 +345,9 @@ def compare(case: OptionalCase = None, tier: TierOption = "standard", out: OutOp
     Examples: `verify compare` · `verify compare sen_tension --tier paper`
     """
     cases = _selected(case, tier)
-    found = [loaded for loaded in cases if _has_runs(loaded, out)]
-    if not found:
+    states = [{state.status for state in find_runs(loaded, out).values()} - {RunStatus.MISSING} for loaded in cases]
+    found = [loaded for loaded, there in zip(cases, states, strict=True) if there]
+    if not any(there - {RunStatus.NEEDS_RECORD} for there in states):
         command = " ".join(["verify run", *([case] if case else []), "--tier", tier, "--out", str(out)])
         raise RunFolderError(
             f"{out / 'runs'}: nothing has been run in tier {tier!r}; do it with `{command}`."
@@ -361,14 +363,12 @@ def compare(case: OptionalCase = None, tier: TierOption = "standard", out: OutOp
     raise typer.Exit(exit_code(summary))
 
 
-def _has_runs(case: Case, out: Path) -> bool:
-    return any(state.status != RunStatus.MISSING for state in find_runs(case, out).values())
-
-
 def _print_problems(console: Console, summary: dict[str, Any]) -> None:
     for case in summary["cases"]:
         for sentence in (*failed_runs(case), *suspect_runs(case)):
             console.print(f"{case['case']}: run {sentence}")
+        for sentence in needed_records(case):
+            console.print(sentence)
         for check in case["checks"]:
             if check["verdict"] in ("FAIL", "MISSING"):
                 line = f"{case['case']}: {check['verdict']}: {check_name(check)}: {check_sentence(check)}"

@@ -24,7 +24,7 @@ SANE = (-1.0, 2.0)
 #: driving energy over resistance above which the phase field, then below its inverse, is zero for all that it does: more
 #: would make the equations of wide open cracks stiff for nothing
 LARGEST_DRIVE = 1e4
-#: toughness of parts that cannot break over that of the body, which holds its phase field at 1 beside them (thesis 7.4.2.1)
+#: toughness of parts that cannot break over the body's, which holds the phase field at 1 beside them (thesis 7.4.2.1)
 TOUGHER = 1000.0
 _SQUARE = np.ones((3, 3), bool)
 
