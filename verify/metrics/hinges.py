@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from verify.metrics.metric import MetricError, metric, run_name
 
 if TYPE_CHECKING:
+    from cases import Case
     from cases.geometry import Arch
     from verify.metrics.metric import RunData
 
@@ -24,12 +25,31 @@ class Hinge(NamedTuple):
     time: float
 
 
-def _arch_of(run: RunData) -> tuple[int, Arch]:
-    """Number and shape of the body that is an arch."""
-    for number, body in enumerate(run.case.bodies.values()):
+def arch_of(case: Case) -> tuple[int, Arch]:
+    """Number and shape of the body that is an arch; MetricError for a case without."""
+    for number, body in enumerate(case.bodies.values()):
         if body.shape is not None and body.shape.arch is not None:
             return number, body.shape.arch
-    raise MetricError(f"{run.case.name}: no body is an arch; give one the shape arch")
+    raise MetricError(f"{case.name}: no body is an arch; give one the shape arch")
+
+
+def vault_of(run: RunData) -> tuple[NDArray, NDArray, dict[str, NDArray]]:
+    """Angle from the crown towards +x [degrees] and radius [length] at the start of the vault's points (n,), and when
+    they broke and their phase field in the last state."""
+    number, arch = arch_of(run.case)
+    data = run.points().point_data
+    reference = np.asarray(data["reference"])[:, :2]
+    inside = arch.in_vault(reference) & (np.asarray(data["body"]) == number)
+    angle, radius = arch.polar(reference[inside])
+    return angle, radius, {name: np.asarray(data[name])[inside] for name in ("broken_at", "phase_field")}
+
+
+def exact_hinges(arch: Arch) -> tuple[float, NDArray]:
+    """Horizontal over vertical load at collapse without tension, and the hinges of the vault (n,) [degrees]."""
+    from physics.rocking.limit_analysis import Arch  # scipy: on use
+
+    found = Arch.of_shape(arch).collapse()
+    return found.factor, np.array([float(name) for name, _ in found.hinges if "base" not in name])
 
 
 def hinges_of(run: RunData) -> list[Hinge]:
@@ -39,12 +59,9 @@ def hinges_of(run: RunData) -> list[Hinge]:
     each layer broke; sectors nearer to each other than the vault is thick are of one hinge, which is where the phase
     field is least.
     """
-    number, arch = _arch_of(run)
-    data = run.points().point_data
-    reference, when = np.asarray(data["reference"])[:, :2], np.asarray(data["broken_at"])
-    inside = arch.in_vault(reference) & (np.asarray(data["body"]) == number)
-    angle, radius = (values[inside] for values in arch.polar(reference))
-    when, phase_field = when[inside], np.asarray(data["phase_field"])[inside]
+    _, arch = arch_of(run.case)
+    angle, radius, data = vault_of(run)
+    when, phase_field = data["broken_at"], data["phase_field"]
     layer = np.clip((LAYERS * (radius - arch.radius) / arch.thickness).astype(int), 0, LAYERS - 1)
     width = np.degrees(run.case.mesh.h / (arch.radius + 0.5 * arch.thickness))
     opened = _opened(angle, layer, when, width)
@@ -108,11 +125,8 @@ def hinge_time(run: RunData, *, number: float) -> float:
 @metric("degree", "largest distance of a hinge of limit analysis from the nearest of the run")
 def hinge_mismatch(run: RunData) -> float:
     """Distance along the vault, of its collapse without tension under a horizontal load, towards the nearer side."""
-    from physics.rocking.limit_analysis import Arch  # scipy: on use
-
     found = np.array([hinge.angle for hinge in hinges_of(run)])
     if not len(found):
         raise MetricError(f"{run_name(run)}: the vault has no hinge; shake it longer or harder")
-    names = [name for name, _ in Arch.of_shape(_arch_of(run)[1]).collapse().hinges if "base" not in name]
-    exact = np.array([float(name) for name in names])
+    _, exact = exact_hinges(arch_of(run.case)[1])
     return min(float(np.abs(side * exact[:, None] - found).min(axis=1).max()) for side in (1.0, -1.0))
