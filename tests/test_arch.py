@@ -147,7 +147,11 @@ class Seen:
         for place, time in broken.items():
             there = (np.abs(angle - place) < 4.0) & (radius < arch.radius + depth) & arch.in_vault(reference)
             c[there], when[there] = 0.02, time
-        self.data = {"reference": reference, "phase_field": c, "broken_at": when, "body": points.cloud.body}
+        self.history = pd.DataFrame({"c_min": [1.0, c.min(), 0.5]})
+        sunk = np.where(arch.in_vault(reference)[:, None], [0.0, -2.0 * depth], 0.0)
+        self.data = {
+            "displacement": sunk, "reference": reference, "phase_field": c, "broken_at": when, "body": points.cloud.body,
+        }  # fmt: skip
 
     def points(self, at: float | None = None) -> Any:
         return type("Snapshot", (), {"point_data": self.data})
@@ -159,6 +163,8 @@ def test_hinges_are_where_the_vault_breaks_through_its_thickness():
     for number, (angle, time) in enumerate(((-48.0, 2.0), (0.0, 3.0), (47.0, 4.0)), 1):
         assert METRICS["hinge_angle"](run, number=number) == pytest.approx(angle, abs=2.0)
         assert METRICS["hinge_time"](run, number=number) == time
+    assert METRICS["collapsed"](run) == 1 and METRICS["collapsed"](Seen(arch_case(), {}, depth=0.05)) == 0
+    assert METRICS["least_phase_field"](run) == 0.02
     # limit analysis: left, crown, right (and a base, which cannot break)
     assert METRICS["hinge_mismatch"](run) < 3.0
     with pytest.raises(MetricError, match="has 3 hinges"):

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from verify.metrics.metric import MetricError, metric, run_name
+from verify.metrics.metric import MetricError, history_column, metric, run_name
 
 if TYPE_CHECKING:
     from cases import Case
     from cases.geometry import Arch
     from verify.metrics.metric import RunData
 
+#: degrees on either side of the crown that tell how far it has sunk
+CROWN = 5.0
 #: layers of the vault that must have broken, all of them
 LAYERS = 3
 
@@ -35,13 +37,13 @@ def arch_of(case: Case) -> tuple[int, Arch]:
 
 def vault_of(run: RunData) -> tuple[NDArray, NDArray, dict[str, NDArray]]:
     """Angle from the crown towards +x [degrees] and radius [length] at the start of the vault's points (n,), and when
-    they broke and their phase field in the last state."""
+    they broke, and their phase field and displacement in the last state."""
     number, arch = arch_of(run.case)
     data = run.points().point_data
     reference = np.asarray(data["reference"])[:, :2]
     inside = arch.in_vault(reference) & (np.asarray(data["body"]) == number)
     angle, radius = arch.polar(reference[inside])
-    return angle, radius, {name: np.asarray(data[name])[inside] for name in ("broken_at", "phase_field")}
+    return angle, radius, {name: np.asarray(data[name])[inside] for name in ("broken_at", "phase_field", "displacement")}
 
 
 def exact_hinges(arch: Arch) -> tuple[float, NDArray]:
@@ -130,3 +132,17 @@ def hinge_mismatch(run: RunData) -> float:
         raise MetricError(f"{run_name(run)}: the vault has no hinge; shake it longer or harder")
     _, exact = exact_hinges(arch_of(run.case)[1])
     return min(float(np.abs(side * exact[:, None] - found).min(axis=1).max()) for side in (1.0, -1.0))
+
+
+@metric("number", "1 where the crown has sunk by more than the vault is thick, else 0")
+def collapsed(run: RunData) -> float:
+    """Whether the vault has come down by the end."""
+    angle, _, data = vault_of(run)
+    sunk = -data["displacement"][np.abs(angle) < CROWN, 1].mean()
+    return float(sunk > arch_of(run.case)[1].thickness)
+
+
+@metric("number", "least phase field of all times")
+def least_phase_field(run: RunData) -> float:
+    """How near anything came to breaking, 1 where nothing is damaged."""
+    return float(history_column(run, "c_min").min())
