@@ -47,7 +47,7 @@ def diagram(results: CaseResults, folder: Path) -> style.Drawing | None:
     points = [*_points_of_runs(results), *_points_of_maps(results)]
     if len({place.frequency for place in borders}) < 2:
         return None
-    figure, axes = style.curve_axes(6.4, 5.2, "ω / p", "α / α_g")
+    figure, axes = style.curve_axes(6.4, 5.2, r"$\omega\,/\,p$", r"$\alpha\,/\,\alpha_g$")
     solvers = list(dict.fromkeys(place.solver for place in borders))
     colours = style.colours_of(solvers)
     for solver in solvers:
@@ -60,6 +60,8 @@ def diagram(results: CaseResults, folder: Path) -> style.Drawing | None:
             )  # fmt: skip
     for verdict, (mark, colour) in MARKS.items():
         there = [place for place in points if place.what == verdict]
+        if not there:
+            continue
         axes.plot(
             [place.frequency for place in there], [place.amplitude for place in there], mark, color=colour,
             markeredgecolor=style.INK, markeredgewidth=0.5, label=f"material points: {verdict}",

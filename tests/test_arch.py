@@ -7,10 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cases import Case, CaseError, case_from_tables
+from cases import Case, CaseError, case_from_tables, load_case
 from cases.geometry import Shape
 from mpm import ExplicitMaterialPoints
 from physics.rocking.limit_analysis import Arch
+from reports.arch import hinges
+from reports.results import CaseResults
+from reports.rocking import angles
+from verify import run
 from verify.metrics.metric import MetricError
 from verify.metrics.registry import METRICS
 
@@ -158,17 +162,30 @@ class Seen:
 
 
 def test_hinges_are_where_the_vault_breaks_through_its_thickness():
-    run = Seen(arch_case(), {-48.0: 2.0, 0.0: 3.0, 47.0: 4.0})
-    assert METRICS["hinge_count"](run) == 3
+    seen = Seen(arch_case(), {-48.0: 2.0, 0.0: 3.0, 47.0: 4.0})
+    assert METRICS["hinge_count"](seen) == 3
     for number, (angle, time) in enumerate(((-48.0, 2.0), (0.0, 3.0), (47.0, 4.0)), 1):
-        assert METRICS["hinge_angle"](run, number=number) == pytest.approx(angle, abs=2.0)
-        assert METRICS["hinge_time"](run, number=number) == time
-    assert METRICS["collapsed"](run) == 1 and METRICS["collapsed"](Seen(arch_case(), {}, depth=0.05)) == 0
-    assert METRICS["least_phase_field"](run) == 0.02
+        assert METRICS["hinge_angle"](seen, number=number) == pytest.approx(angle, abs=2.0)
+        assert METRICS["hinge_time"](seen, number=number) == time
+    assert METRICS["collapsed"](seen) == 1 and METRICS["collapsed"](Seen(arch_case(), {}, depth=0.05)) == 0
+    assert METRICS["least_phase_field"](seen) == 0.02
     # limit analysis: left, crown, right (and a base, which cannot break)
-    assert METRICS["hinge_mismatch"](run) < 3.0
+    assert METRICS["hinge_mismatch"](seen) < 3.0
     with pytest.raises(MetricError, match="has 3 hinges"):
-        METRICS["hinge_angle"](run, number=4)
+        METRICS["hinge_angle"](seen, number=4)
+
+
+def test_the_page_shows_hinges_and_angles(tmp_path):
+    settling = {"duration": 1e-3, "ramp": 1e-3, "damping": 0.0}
+    shortly = {"dynamics": {"end_time": 1e-3, "settling": settling}, "output": {"frames": 1}}
+    done = run(load_case("arch_buttresses", "quick", "held", shortly), "held", out=tmp_path, threads=1)
+    folder = done.folder.relative_to(tmp_path).as_posix()
+    entry = {"case": "arch_buttresses", "tier": "quick", "runs": {"held": {"folder": folder, "status": "complete"}}}
+    results = CaseResults(entry, tmp_path)
+    drawn = hinges(results, tmp_path)
+    assert drawn is not None and "held: no hinge" in drawn.caption and "0.021 of its weight" in drawn.caption
+    (angle,) = angles(results, tmp_path)
+    assert angle.title == "Angle of left buttress over time" and (tmp_path / angle.file).is_file()
 
 
 def test_a_crack_that_ends_in_the_vault_is_no_hinge():
