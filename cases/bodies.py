@@ -27,6 +27,7 @@ class Body(Table):
     group : name of the group of the mesh's cells that the body is made of; all of them without
     rigid : keeps its velocity in a dynamic run, whatever it meets
     velocity : at the start of a dynamic run, at the middle of the body's bounding box [length/time]
+    unbreakable : parts in which the phase field of a dynamic run by material points stays 1
     velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]] [1/time]
     """
 
@@ -35,6 +36,7 @@ class Body(Table):
     mesh: Path | None = None
     group: str | None = None
     rigid: Switch = False
+    unbreakable: tuple[Shape, ...] = ()
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
     velocity_gradient: tuple[tuple[Rate, Rate], tuple[Rate, Rate]] = ((0.0, 0.0), (0.0, 0.0))
 
@@ -68,6 +70,13 @@ class Body(Table):
             text = "does not apply to a rigid body, which keeps one velocity"
             raise BrokenRuleError(text, remedy, "velocity_gradient", self.velocity_gradient)
         return self
+
+    def can_break(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Mask (n,) of the points (n, 2) in none of the unbreakable parts."""
+        outside = np.ones(len(np.asarray(points)), dtype=bool)
+        for part in self.unbreakable:
+            outside &= ~part.contains(points)
+        return outside
 
     def bounds(self) -> Bounds:
         """Corners (2,), (2,) of the bounding box [length]."""

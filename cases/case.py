@@ -92,9 +92,9 @@ class Case(CaseDescription):
             if isinstance(constraint.table, Path):
                 rows = constraint.table.read_bytes()
                 tables["constraints"][number]["table"] = hashlib.sha256(rows).hexdigest()
-        if self.dynamics and self.dynamics.ground and self.dynamics.ground.table:
-            content = self.dynamics.ground.table.read_bytes()
-            tables["dynamics"]["ground"]["table"] = hashlib.sha256(content).hexdigest()
+        ground = self.dynamics.ground if self.dynamics else None
+        if ground and (motion := ground.table or ground.recorded_in(self.folder)):
+            tables["dynamics"]["ground"]["table"] = hashlib.sha256(motion.read_bytes()).hexdigest()
         spec = self.run_spec(self.run) if self.run else None
         tables["solver"] = spec.solver if spec else None
         if spec and spec.foreign:

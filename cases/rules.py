@@ -54,6 +54,7 @@ def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> 
     _cracks_are_where_material_breaks(case)
     _spacing_fits_the_bodies(case)
     _rocking_is_of_a_block(case)
+    _parts_are_of_bodies(case)
     _checks_have_targets(case, checks)
     _studies_vary_runs(case)
 
@@ -286,6 +287,23 @@ def _rocking_is_of_a_block(case: CaseDescription) -> None:
     if case.dynamics.gravity[0] != 0.0 or case.dynamics.gravity[1] >= 0.0:
         remedy = "let it act along -y"
         raise BrokenRuleError("is not that of a block that rocks", remedy, "dynamics.gravity", case.dynamics.gravity)
+
+
+def _parts_are_of_bodies(case: CaseDescription) -> None:
+    """Unbreakable parts are of bodies that break and move; regions are of bodies, and have names of their own."""
+    for name, body in case.bodies.items():
+        if not body.unbreakable:
+            continue
+        key = f"bodies.{name}.unbreakable"
+        if case.dynamics is None:
+            raise BrokenRuleError("applies in dynamics only", "remove it or give the table dynamics", key)
+        if case.materials[body.material].fracture is None:
+            remedy = f"remove it or give materials.{body.material}.fracture"
+            raise BrokenRuleError("is a part of a body that cannot break anyway", remedy, key)
+    for name, region in case.output.regions.items():
+        _defined(region.body, list(case.bodies), f"output.regions.{name}.body", "body")
+        if name in case.bodies:
+            raise BrokenRuleError("has the name of a body", "call it otherwise", f"output.regions.{name}")
 
 
 def _checks_have_targets(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> None:

@@ -17,6 +17,7 @@ class RunStatus(StrEnum):
     UNFINISHED = "unfinished"
     DAMAGED = "damaged"
     CHANGED = "changed"
+    NEEDS_RECORD = "needs_record"
 
     @property
     def words(self) -> str:
@@ -51,6 +52,7 @@ _WORDS = {
     RunStatus.EXPECTED_FAILURE: "failed, as expected",
     RunStatus.TIMED_OUT: "out of time",
     RunStatus.MISSING: "no results",
+    RunStatus.NEEDS_RECORD: "needs a record of a measured motion",
     RunStatus.CHANGED: "of another version of the case",
 }
 FINISHED_STATUSES = tuple(status for status in RunStatus if status.finished)

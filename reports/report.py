@@ -20,8 +20,8 @@ from cases import UserError
 from verify.judging import coverage
 
 from . import (  # isort: skip
-    charts, curves, fields, film, maps, motion, orientations, overview, rocking, scene, style, surface, sweeps, tables,
-    words,
+    arch, charts, curves, fields, film, maps, motion, orientations, overview, rocking, rocking_diagram, scene, style,
+    surface, sweeps, tables, words,
 )  # fmt: skip
 from .pages import fill_page
 from .results import READING_ERRORS, CaseResults, method_of, read_summary
@@ -58,6 +58,8 @@ MOVING_SECTIONS: tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...] = (
     ("Surface energy", surface.surface_energy),
     ("Motion", film.film),
     ("Angle", rocking.angles),
+    ("Failure and safety", rocking_diagram.diagram),
+    ("Hinges", arch.hinges),
     ("Ground", rocking.ground),
     ("Energies", motion.energies),
     ("Crack tips", motion.tip_speed),

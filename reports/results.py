@@ -184,7 +184,7 @@ class CaseResults:
 
     @property
     def verdict(self) -> str:
-        """PASS, FAIL, RUN_FAILED, SUSPECT, NOT_CHECKED or MISSING."""
+        """PASS, FAIL, RUN_FAILED, SUSPECT, NEEDS_RECORD, NOT_CHECKED or MISSING."""
         return str(self.entry.get("verdict") or "MISSING")
 
     @property

@@ -12,11 +12,13 @@ from physics.rocking.motion import OVERTURNED
 from verify.metrics.rocking import rocking_of, verdict_on
 
 from . import style
-from .results import READING_ERRORS
+from .results import READING_ERRORS, tells
 from .words import listed, number
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from cases import Case
 
     from .results import CaseResults, RunResults
 
@@ -24,11 +26,37 @@ if TYPE_CHECKING:
 DAMPING, PERIODS = 0.05, 80
 
 
-def angles(results: CaseResults, folder: Path) -> style.Drawing | None:
-    """Draw the angle of the body that rocks over time, all runs together."""
+def angles(results: CaseResults, folder: Path) -> list[style.Drawing]:
+    """Draw the angle of the body that rocks over time, all runs together, and that of each region."""
     case = results.case
-    if case is None or case.rocking is None:
+    if case is None:
+        return []
+    drawn = [_angles_of_block(results, case, folder)] if case.rocking else []
+    drawn += [_angles_of_region(results, name, folder) for name in case.output.regions]
+    return [drawing for drawing in drawn if drawing is not None]
+
+
+def _angles_of_region(results: CaseResults, name: str, folder: Path) -> style.Drawing | None:
+    runs = [run for run in results.shown_runs() if tells(run, f"{name}_angle")]
+    if not runs:
         return None
+    figure, axes = style.curve_axes(7.6, 4.0, f"time t [{results.unit('time')}]", "angle θ, counter-clockwise [°]")
+    colours, tables = style.colours_of([run.name for run in runs]), []
+    for run in runs:
+        table = pd.DataFrame({"run": run.name, "time": run.history["time"]})
+        table["angle"] = np.degrees(np.unwrap(run.history[f"{name}_angle"]))
+        axes.plot(table["time"], table["angle"], run.method.line, color=colours[run.name], label=run.label)
+        tables.append(table)
+    style.legend_below(figure, [axes])
+    said = listed(f"{t['run'].iloc[0]} {number(float(t['angle'].abs().max()), 3)}°" for t in tables)
+    return style.drawing(
+        figure, folder, f"angle-{style.slug(name)}", f"Angle of {name.replace('_', ' ')} over time",
+        f"Turn of its points about their centre of mass; at most {said}.", pd.concat(tables, ignore_index=True),
+    )
+
+
+def _angles_of_block(results: CaseResults, case: Case, folder: Path) -> style.Drawing | None:
+    assert case.rocking is not None
     runs = [run for run in results.shown_runs() if f"{case.rocking.body}_angle" in run.history]
     if not runs:
         return None

@@ -21,6 +21,7 @@ VERDICT_WORDS = {
     "NOT_CHECKED": "Not checked",
     "MISSING": "Missing",
     "SUSPECT": "Suspect",
+    "NEEDS_RECORD": "Needs a record",
     "INFO": "Shown only",
 }
 
@@ -176,7 +177,7 @@ def verdict_sentence(entry: Mapping[str, Any]) -> str:
     if not checks:
         return "No gated check was evaluated for this case."
     passed = [check for check in checks if check.get("verdict") == "PASS"]
-    missing = [check for check in checks if check.get("verdict") == "MISSING"]
+    missing = [check for check in checks if check.get("verdict") in ("MISSING", "NEEDS_RECORD")]
     sentences = [f"{len(passed)} of {plural(len(checks), 'gated check')} within the limit."]
     if missing:
         sentences.append(f"Not evaluated: {listed(_short(check) for check in missing)}.")

@@ -490,7 +490,7 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "two shapes": (
         toy(bodies__plate__shape={"disc": {"centre": [0, 0], "radius": 1}}),
         "bodies.plate.shape",
-        "give one of rectangle, polygon, disc, difference",
+        "give one of rectangle, polygon, disc, arch, difference",
     ),
     "shape and mesh": (toy(bodies__plate__mesh="case.toml"), "bodies.plate.mesh", ".msh"),
     "no geometry": (without("bodies", "plate", "shape"), "bodies.plate", "give one of shape, mesh"),

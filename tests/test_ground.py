@@ -1,7 +1,5 @@
 """Ground motions of cases: what is refused, what both explicit solvers make of them, and bodies that settle before."""
 
-import importlib.util
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -80,14 +78,6 @@ def test_a_table_is_linear_scaled_cut_and_part_of_the_case(tmp_path: Path) -> No
     late = block_case(tmp_path, {"ground": {"table": "motion.csv", "cut": [2.0, 9.0]}})
     with pytest.raises(CaseError, match=r"ground.cut = \[2.0, 9.0\]: leaves the motion"):
         ground_motion(late)
-
-
-def test_a_record_without_its_package_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setattr(sys.modules["physics.rocking.records"], "find_spec", lambda name: None)
-    case = block_case(tmp_path, {"ground": {"record": "RSN1244-N"}})
-    with pytest.raises(CaseError, match=r"case.toml: dynamics.ground.record = 'RSN1244-N': needs .*records"):
-        ground_motion(case)
 
 
 @pytest.mark.parametrize(("run", "made_by"), [("mpm", ExplicitMaterialPoints), ("fem", ExplicitFiniteElements)])

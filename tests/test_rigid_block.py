@@ -13,8 +13,10 @@ from numerics.explicit import instants
 from physics.rocking.block import Block
 from physics.rocking.motion import Verdict, impacts_of, settled_verdict
 from physics.rocking.of_case import block_of, foundation_of, ground_motion, pendulum_of
+from reports.results import CaseResults
+from reports.rocking_diagram import diagram
 from rigid_block import LinearPendulumMotion, PendulumMotion, WinklerMotion
-from verify import run
+from verify import compare, run
 from verify.cli import main
 from verify.metrics.metric import MetricError
 from verify.metrics.registry import METRICS
@@ -195,3 +197,19 @@ def test_a_map_tells_what_becomes_of_the_block_and_where_theory_has_the_border(t
     assert set(table["verdict"]) == {"safe", "overturned after impacts"} and len(table) == 5
     assert found["measured"].item() == pytest.approx(2.883, abs=0.13)
     assert found["border"].item() == "winkler" and found["theory"].item() == pytest.approx(2.532, rel=5e-3)
+
+
+def test_the_diagram_has_borders_of_models_and_verdicts_of_material_points(tmp_path):
+    case = load_case("rocking_diagram", "quick")
+    for ratio in (3, 5):
+        run("rocking_diagram", f"pendulum_borders[frequency_ratio={ratio}]", "quick", tmp_path, threads=1)
+    maps = tmp_path / "maps" / "rocking_diagram" / "quick"
+    maps.mkdir(parents=True)
+    rows = [(2.0, 3.0, Verdict.AFTER_IMPACTS), (1.0, 4.0, Verdict.SAFE)]
+    pd.DataFrame(rows, columns=["x", "y", "verdict"]).to_csv(maps / "mpm.csv")
+    drawn = diagram(CaseResults(compare(case, "quick", tmp_path), tmp_path), tmp_path)
+    table = pd.read_csv(tmp_path / "diagram.csv").set_index(["what", "frequency"])["amplitude"]
+    assert table["border_without_impact", 5.0] == pytest.approx(7.336, abs=1e-3)
+    assert table["border_after_impacts", 3.0] == pytest.approx(1.402, abs=1e-3)
+    assert table[str(Verdict.AFTER_IMPACTS), 3.0] == 2.0 and table[str(Verdict.SAFE), 4.0] == 1.0
+    assert "2 runs of material points" in drawn.caption

@@ -48,6 +48,10 @@ class ExplicitFiniteElements:
         if len(case.bodies) > 1:
             raise CaseError(f"{case.source}: bodies: explicit finite elements know no contact; run several bodies with"
                             ' solver = "mpm".')  # fmt: skip
+        (name, body), = case.bodies.items()
+        if body.unbreakable:
+            raise CaseError(f"{case.source}: bodies.{name}.unbreakable: explicit finite elements break anywhere;"
+                            ' remove it or run the case with solver = "mpm".')  # fmt: skip
         self.case, self.costs = case, Costs()
         materials = MaterialTable(case)
         self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from cases import Case
 from mpm.explicit.moving_body import MovingBody
+from mpm.grid import GridError
+from mpm.placement import PointCloud
 
 #: least moment of inertia of a body that can spin, over that about the window's corner: less is round-off
 LEAST_INERTIA = 1e-14
@@ -41,16 +45,36 @@ class BodyMotion:
         return cls(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
 
 
-def body_angle(body: MovingBody, reference: NDArray) -> float:
+def body_angle(body: MovingBody, reference: NDArray, within: NDArray | None = None) -> float:
     """Angle by which a body has turned [rad], counter-clockwise, within ±pi: that of atan2(Σ m X×x, Σ m X·x).
 
     reference : (n, 2) first places of all points, about whose centre of mass X is, as x about the present one [length].
+    within : mask (n,) of the points of the part that is asked for; the whole body without.
     """
     mass = body.points.matter.mass
+    if within is not None:
+        mass = mass * within[body.points.number]
     first, present = reference[body.points.number], body.positions()
     first, present = (places - (mass @ places) / mass.sum() for places in (first, present))
     cross = first[:, 0] * present[:, 1] - first[:, 1] * present[:, 0]
     return math.atan2(float((mass * cross).sum()), float((mass * (first * present).sum(axis=1)).sum()))
+
+
+#: body, first places of all points and mask of those in it, as `body_angle` takes them
+Region = tuple[MovingBody, NDArray, NDArray]
+
+
+def regions_of(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> dict[str, Region]:
+    """The regions of a case by their names; GridError for one without points."""
+    found: dict[str, Region] = {}
+    numbers = {name: number for number, name in enumerate(case.bodies)}
+    for name, region in case.output.regions.items():
+        number = numbers[region.body]
+        within = region.within.contains(cloud.positions) & (cloud.body == number)
+        if not within.any():
+            raise GridError(f"{case.source}: output.regions.{name}.within: no point of {region.body} is there; move it.")
+        found[name] = bodies[number], cloud.positions, within
+    return found
 
 
 @njit(cache=True, parallel=True)

@@ -24,6 +24,8 @@ SANE = (-1.0, 2.0)
 #: driving energy over resistance above which the phase field, then below its inverse, is zero for all that it does: more
 #: would make the equations of wide open cracks stiff for nothing
 LARGEST_DRIVE = 1e4
+#: toughness of parts that cannot break over the body's, which holds the phase field at 1 beside them (thesis 7.4.2.1)
+TOUGHER = 1000.0
 _SQUARE = np.ones((3, 3), bool)
 
 
@@ -44,6 +46,12 @@ class PointPhaseField:
             float(of_body.drive[0]), float(of_body.resistance[0]), float(of_body.diffusion[0]), float(of_body.bending[0]),
             float(of_body.toughness[0]), float(of_body.length_scale[0]), materials.curvature[number],
         )  # fmt: skip
+        body_of_case = list(case.bodies.values())[number]
+        # over the numbers of the body's points; None where all of it can break
+        self._breakable: NDArray | None = None
+        if body_of_case.unbreakable:
+            self._breakable = np.ones(body.points.number.max() + 1, bool)
+            self._breakable[body.points.number] = body_of_case.can_break(body.positions())
         self._block = max(1, round(BLOCK * self._law.length_scale / body.lattice.h))
         self._window = (np.zeros(2, np.int64), np.zeros(2, np.int64))
         self._nodal = np.ones(0)
@@ -52,6 +60,8 @@ class PointPhaseField:
         """Write the phase field of the body's points for their history field, at their present places."""
         largest = LARGEST_DRIVE * self._law.resistance / self._law.drive
         history = np.minimum(self._body.points.crack.history, largest)
+        if self._breakable is not None:
+            history *= self._breakable[self._body.points.number]
         marked = self._changing_blocks(history)
         marked[:] |= everywhere
         if not marked.any():
@@ -70,6 +80,9 @@ class PointPhaseField:
         order, strips, over_h = self._body.lattice.order, self._body.window.strips, 1.0 / self._body.lattice.h
         p, law = self._body.points, self._law
         phase_field_kernels.to_points(order, strips, p.motion, history, law, over_h, nodal, now, p.crack)
+        if self._breakable is not None:
+            whole = ~self._breakable[p.number]
+            p.crack.c[whole], p.crack.energy[whole], p.crack.broken_at[whole] = 1.0, 0.0, np.nan
         if law.bending:
             phase_field_kernels.add_curvature_energy(order, strips, p.motion, p.axes, law, over_h, nodal, p.crack.energy)
             found = nodal.inside[p.motion.x.astype(int) * nodal.width + p.motion.y.astype(int)]
@@ -117,12 +130,15 @@ class PointPhaseField:
         number[cells] = np.arange(len(cells), dtype=np.int32)
         local, right_side = np.zeros((len(cells), k * k * (k * k + 1) // 2)), np.zeros((len(cells), k * k))
         equations = CellEquations(width, number, local, right_side)
+        matter = p.matter
+        if self._breakable is not None:
+            matter = matter._replace(volume=np.where(self._breakable[p.number], 1.0, TOUGHER) * matter.volume)
         phase_field_kernels.add_points(
-            order, window.strips, p.motion, p.matter, history, self._law, 1.0 / h, equations
+            order, window.strips, p.motion, matter, history, self._law, 1.0 / h, equations
         )
         if self._law.bending:
             phase_field_kernels.add_curvature_terms(
-                order, window.strips, p.motion, p.matter, p.axes, self._law, 1.0 / h, equations
+                order, window.strips, p.motion, matter, p.axes, self._law, 1.0 / h, equations
             )
         offsets = (np.arange(k)[:, None] * width + np.arange(k)).ravel()
         nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)

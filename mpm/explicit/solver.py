@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.body_fields import fields_of
-from mpm.explicit.body_motion import BodyMotion, body_angle
+from mpm.explicit.body_motion import BodyMotion, body_angle, regions_of
 from mpm.explicit.contact import Contact
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.phase_field import PointPhaseField
@@ -53,6 +53,7 @@ class ExplicitMaterialPoints:
         self._start_from_exact()
         self._start_notches()
         self.contact = Contact(case, self.bodies)
+        self._regions = regions_of(case, self.bodies, self.cloud)
         self._lines = held_lines(case, self.bodies, self.cloud)
         self._tractions = Tractions(case, self.bodies, self.cloud)
         self.phase_fields = [
@@ -253,6 +254,7 @@ class ExplicitMaterialPoints:
                 columns[f"{body.name}_angle"] = body_angle(body, self.cloud.positions)
             if len(self.bodies) > 1:
                 columns |= {f"{body.name}_impulse_x": float(impulse[0]), f"{body.name}_impulse_y": float(impulse[1])}
+        columns |= {f"{name}_angle": body_angle(*region) for name, region in self._regions.items()}
         for name, count in self.contact.violations.items():
             self.costs.count[name] = count
         return columns

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, lil_matrix
 
+from cases import geometry
+
 #: blocks that are the ground
 GROUND = -1
 
@@ -123,6 +125,11 @@ class Arch:
     buttress_width: float = 0.0
     buttress_height: float = 0.0
     voussoirs: int = 134
+
+    @classmethod
+    def of_shape(cls, shape: geometry.Arch) -> Arch:
+        """That of a body of a case."""
+        return cls(shape.radius, shape.half_angle, shape.thickness, shape.buttress_width, shape.buttress_height)
 
     def collapse(self, friction: float = math.inf) -> Collapse:
         """The collapse under its own weight and a horizontal load towards +x; joints are named by their angle [degrees]

@@ -11,7 +11,7 @@ from cases.rocking import Rocking
 from physics.rocking.block import Block
 from physics.rocking.ground import GroundMotion, cut, pulse, record
 from physics.rocking.pendulum import Pendulum
-from physics.rocking.records import read_record
+from physics.rocking.records import recorded_motion
 from physics.rocking.winkler import Foundation, WinklerBlock, half_space, half_space_stiffness
 
 REST = pulse("sine", 0.0, 1.0)._replace(end=0.0)
@@ -77,9 +77,7 @@ def ground_motion(case: Case, uplift: float | None = None) -> GroundMotion:
     if ground.table is not None:
         times, accelerations = read_curve(ground.table, COLUMNS).T
     else:
-        times, accelerations = read_record(str(ground.record), f"{case.source}: dynamics.ground.record")
-        times = times * case.units.convert("1 s", "time")
-        accelerations = accelerations * case.units.convert("1 m/s^2", "acceleration")
+        times, accelerations = recorded_motion(case)
     motion = record(times, ground.scale * accelerations)
     if ground.cut is None:
         return motion

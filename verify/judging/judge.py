@@ -10,6 +10,7 @@ from typing import Literal
 from cases import Case, Check, load_case
 from cases.solvers import SOLVERS
 from numerics.status import RunStatus
+from physics.rocking.records import missing_record
 from verify.judging.baseline import BaselineRow, Key, key_of, read_baseline
 from verify.judging.targets import JudgeError, require_sense, target_of, value_of
 from verify.metrics.curves import CurveError
@@ -18,8 +19,8 @@ from verify.metrics.metric import NotGivenError, NothingToCompareError
 from verify.metrics.registry import find_metric
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, partial_folder, run_path
 
-CheckVerdict = Literal["PASS", "FAIL", "MISSING", "INFO"]
-CaseVerdictName = Literal["PASS", "FAIL", "RUN_FAILED", "NOT_CHECKED", "MISSING", "SUSPECT"]
+CheckVerdict = Literal["PASS", "FAIL", "MISSING", "NEEDS_RECORD", "INFO"]
+CaseVerdictName = Literal["PASS", "FAIL", "RUN_FAILED", "NOT_CHECKED", "MISSING", "NEEDS_RECORD", "SUSPECT"]
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,8 @@ class CaseVerdict:
 
     @property
     def verdict(self) -> CaseVerdictName:
-        """A failed run outweighs a check out of tolerance, that a missing target, that a run that is suspect."""
+        """A failed run outweighs a check out of tolerance, that a missing target, that a run that is suspect, that a run
+        that needs the record of a measured motion."""
         gated = {result.verdict for result in self.checks if result.check.gate}
         if any(state.failed for state in self.runs.values()):
             return "RUN_FAILED"
@@ -85,6 +87,8 @@ class CaseVerdict:
             return "MISSING"
         if any(state.suspicions for state in self.runs.values()):
             return "SUSPECT"
+        if "NEEDS_RECORD" in gated:
+            return "NEEDS_RECORD"
         return "PASS" if gated else "NOT_CHECKED"
 
 
@@ -95,7 +99,9 @@ def find_run(case: Case, run_name: str, out: Path) -> RunState:
     """The state of one run of a case under the output folder."""
     folder = run_path(out, case.name, case.tier, run_name)
     if not folder.exists() and not partial_folder(folder).exists():
-        return RunState(folder, RunStatus.MISSING, "not computed yet")
+        sentence = missing_record(load_case(case.source, case.tier, run_name))
+        status = RunStatus.NEEDS_RECORD if sentence else RunStatus.MISSING
+        return RunState(folder, status, sentence or "not computed yet")
     try:
         found = RunFolder(folder)
     except RunFolderError as error:
@@ -149,6 +155,10 @@ class UnavailableError(Exception):
     """A value or target is not there; the text says why."""
 
 
+class NeedsRecordError(UnavailableError):
+    """It needs the record of a measured motion that is not on this machine."""
+
+
 class Judge:
     """Judges the checks of one case."""
 
@@ -168,6 +178,8 @@ class Judge:
             value = self.value(check)
             target = self.target(check)
             distance = find_metric(check.metric).error(value, target, check.measure)
+        except NeedsRecordError as needs:
+            return self._without_error(check, "NEEDS_RECORD", value, source, str(needs))
         except (UnavailableError, NothingToCompareError) as missing:
             return self._without_error(check, "MISSING", value, source, str(missing))
         except (CurveError, RunFolderError, ValueError) as error:
@@ -198,6 +210,8 @@ class Judge:
     def available(self, run_name: str) -> RunFolder:
         """The finished run of a name; UnavailableError where there is none."""
         state = self.runs[run_name]
+        if state.status is RunStatus.NEEDS_RECORD:
+            raise NeedsRecordError(state.reason)
         if state.run is None:
             raise UnavailableError(
                 f"run {run_name!r} is {state.status}" + (f": {state.reason}" if state.reason else "")

@@ -42,6 +42,12 @@ def suspect_runs(case: Json) -> list[str]:
     return [f"{name}: suspect: {told}" for name, entry in case["runs"].items() for told in entry["suspicions"]]
 
 
+def needed_records(case: Json) -> list[str]:
+    """One sentence for each record of a measured motion that runs need and that is not on this machine."""
+    runs = case["runs"].values()
+    return list(dict.fromkeys(run["reason"] for run in runs if run["status"] == RunStatus.NEEDS_RECORD))
+
+
 def junit_xml(summary: Json) -> str:
     """JUnit XML: a suite for each case, a test for each run and each check."""
     root = ElementTree.Element("testsuites", name="verify")
@@ -78,6 +84,8 @@ def _junit_check(suite: ElementTree.Element, case: Json, check: Json) -> None:
     if check["verdict"] in ("FAIL", "MISSING"):
         failure = ElementTree.SubElement(test, "failure", message=f"{check['verdict']}: {message}")
         failure.text = check["reason"]
+    elif check["verdict"] == "NEEDS_RECORD":
+        ElementTree.SubElement(test, "skipped", message=message)
     elif check["verdict"] == "INFO":
         ElementTree.SubElement(test, "skipped", message=f"not gated: {message}")
 
@@ -116,7 +124,7 @@ def markdown(summary: Json) -> str:
     lines += ["| case | verdict | checks passed | largest share of a limit |", "|---|---|---|---|"]
     lines += [_markdown_row(case) for case in summary["cases"]]
     for case in summary["cases"]:
-        problems = [f"- {sentence}" for sentence in (*failed_runs(case), *suspect_runs(case))]
+        problems = [f"- {sentence}" for sentence in (*failed_runs(case), *suspect_runs(case), *needed_records(case))]
         bad = (check for check in case["checks"] if check["verdict"] in ("FAIL", "MISSING"))
         problems += [f"- {c['verdict']}: {check_name(c)}: {check_sentence(c)}" for c in bad]
         if problems:

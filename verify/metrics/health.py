@@ -32,7 +32,8 @@ class Indicator:
 INDICATORS = {
     "energy_balance": Indicator(
         "largest energy that is missing or too much, over the largest that there is",
-        0.1, "shorten the load increment or the time step, make mesh.h smaller, or set dynamics.order_of_update = \"musl\"",
+        0.1,
+        'shorten the load increment or the time step, make mesh.h smaller, or set dynamics.order_of_update = "musl"',
     ),
     "phase_field_range": Indicator(
         "how far the phase field leaves 0 to 1", 0.05, "make mesh.h smaller than a quarter of the length scale",

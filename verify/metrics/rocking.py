@@ -135,9 +135,9 @@ def overturning_time(run: RunData) -> float:
 
 
 @metric("degree", "largest angle")
-def tilt(run: RunData, *, start: float, end: float) -> float:
-    """Largest size of the angle between two times."""
-    return float(np.abs(_degrees_between(run, start, end)).max())
+def tilt(run: RunData, *, start: float, end: float, of: str = "") -> float:
+    """Largest size of the angle between two times, of a region of the case or of the body that rocks."""
+    return float(np.abs(_degrees_between(run, start, end, of)).max())
 
 
 @metric("degree", "angle about which the body swings")
@@ -146,9 +146,10 @@ def mean_tilt(run: RunData, *, start: float, end: float) -> float:
     return abs(float(_degrees_between(run, start, end).mean()))
 
 
-def _degrees_between(run: RunData, start: float, end: float) -> NDArray[np.float64]:
+def _degrees_between(run: RunData, start: float, end: float, of: str = "") -> NDArray[np.float64]:
     """The angles recorded between two times [degrees]."""
-    time, angle, _ = rocking_of(run)
+    time = history_column(run, "time")
+    angle = np.unwrap(history_column(run, f"{of or rocking_body(run.case)}_angle"))
     inside = (time >= start - 1e-12) & (time <= end + 1e-12)
     if not inside.any():
         raise MetricError(f"{run_name(run)}: records nothing from t = {start:g} to {end:g}")

@@ -18,6 +18,7 @@ from rich.console import Console
 
 from cases import Case, CaseError, load_case
 from numerics.status import RunStatus
+from physics.rocking.records import missing_record
 from verify.runs.atomic import WriteError
 from verify.runs.cluster import LostTask, results
 from verify.runs.listeners import Listener, TimeLimit
@@ -79,12 +80,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a job ended, in words; one that was refused computed nothing because of a mistake in the case."""
+    """How a job ended, in words; one that was refused computed nothing because of a mistake in the case, one that needs
+    a record because that is not on this machine."""
 
     title: str
     line: str
     failed: bool
     refused: bool = False
+    needs_record: bool = False
 
 
 def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator[Outcome]:
@@ -212,6 +215,8 @@ def _end_with_parent() -> None:
 def do(job: Job) -> Outcome:
     """One run from start to end; a failure to write or a refusal is a failed run, not the end of the others."""
     finished = None if job.force else job.finished()
+    if finished is None and (sentence := missing_record(job.case())):
+        return Outcome(job.title, sentence, False, needs_record=True)
     try:
         with _listeners(job, finished) as listeners:
             done = finished or run(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from cases import Case, UserError
 from cases.solvers import SOLVERS
 from cases.spacing import count_cells
+from physics.rocking.records import missing_record
 from verify.runs.running import DISCRETISATIONS
 
 #: cells of a grid up to which a solver is set up to hear whether it takes a case
@@ -17,9 +18,11 @@ MOST_SECONDS = 8.0
 
 @dataclass
 class Refusals:
-    """Sentences of what was refused, each once; how many runs were too large to be tried, and whether time ran out."""
+    """Sentences of what was refused, each once, and of records of measured motions that are not on this machine; how many
+    runs were too large to be tried, and whether time ran out."""
 
     sentences: list[str] = field(default_factory=list)
+    needs: list[str] = field(default_factory=list)
     too_large: int = 0
     out_of_time: bool = False
 
@@ -44,7 +47,9 @@ def refusals(cases: Iterable[Case]) -> Refusals:
         if count_cells(case) > MOST_TRIED:
             found.too_large += 1
             continue
-        sentence = _refusal(case)
+        if (needs := missing_record(case)) and needs not in found.needs:
+            found.needs.append(needs)
+        sentence = "" if needs else _refusal(case)
         if sentence and sentence not in found.sentences:
             found.sentences.append(sentence)
     return found
