@@ -177,6 +177,8 @@ class _LoadPath:
         outcome, problem = self._try(self.case, self.load, cautious=False)
         if not problem and self.limits.adaptive and self._first_advance(outcome) > self.limits.energy:
             problem = TOO_FAR
+        if not problem and self._refine():
+            return self._first_state()
         if not problem:
             return self._accept(self.load, outcome)
         self.discretisation.undo()

@@ -271,8 +271,8 @@ def test_models_are_frozen() -> None:
 def test_defaults_of_the_load() -> None:
     assert case_from_tables(toy()).load.smallest == pytest.approx(1e-4 / 64)
     one_point = without("load", "increment")
-    one_point["load"]["path"] = [0.0]
-    assert case_from_tables(one_point).load.path == (0.0,)
+    one_point["load"]["path"] = [0.5]
+    assert case_from_tables(one_point).load.path == (0.5,)
 
 
 def test_fracture_is_enabled_by_a_material_in_use() -> None:

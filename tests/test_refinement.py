@@ -32,6 +32,21 @@ def test_a_small_fine_box_grows_with_the_crack(variant, solver):
     assert grown[-1].fracture_energy == pytest.approx(from_the_start[-1].fracture_energy, rel=0.03)
 
 
+@pytest.mark.parametrize("solver", [FiniteElements, MaterialPoints])
+def test_a_first_state_that_breaks_has_fine_cells_too(variant, solver):
+    def first(fine, follow):
+        mesh = {"h": 0.02, "coarse": 0.1, "fine": fine, "follow_crack": follow}
+        load = {"path": [0.007], "adaptive": False}
+        case = variant("sen_tension", mesh=mesh, materials=BLUNT, load=load, staggered={"tolerance": 1e-3})
+        following = FollowingDiscretisation(solver, case) if follow else solver(case)
+        return next(increments(following, case)), following.costs.count["refinements"]
+
+    (from_the_start, _), (grown, refinements) = first(WHOLE, False), first(TIP, True)
+    assert refinements >= 1
+    assert pytest.approx(from_the_start.F, rel=0.01, abs=1e-3) == grown.F
+    assert grown.fracture_energy == pytest.approx(from_the_start.fracture_energy, rel=0.03)
+
+
 def test_the_grown_box_comes_back_from_a_checkpoint(variant):
     mesh = {"h": 0.02, "coarse": 0.1, "fine": TIP, "follow_crack": True}
     case = variant("sen_tension", mesh=mesh, materials=BLUNT, load=LOAD, staggered={"tolerance": 1e-3})

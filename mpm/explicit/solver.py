@@ -76,13 +76,13 @@ class ExplicitMaterialPoints:
                 )
 
     def _check_notches(self) -> None:
-        """Raise BuiltError where points on both sides of a notch give to the same node."""
-        case, order = self.case, self.case.mpm.order
-        cells = np.floor((self.cloud.positions - case.bounding_box()[0]) / case.mesh.h + 1e-9).astype(np.int64) + order
-        reached = np.stack(np.meshgrid(*[np.arange(order + 1)] * 2, indexing="ij"), -1).reshape(-1, 2)
-        nodes = (cells[:, None, :] + reached) @ (int(cells.max()) + order + 1, 1)
-        remedy = f"make mesh.h no more than 1/{order + 1} of it"
-        check_notches_part(case, self.cloud.positions, nodes, (order + 1) * case.mesh.h, remedy)
+        """Raise BuiltError where points on both sides of a notch lie within h of the same node: it hardly parts them."""
+        h = self.case.mesh.h
+        places = (self.cloud.positions - self.case.bounding_box()[0]) / h + 0.5 * (self.case.mpm.order - 1)
+        first = np.floor(places + 1e-9).astype(np.int64) + 1
+        around = np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
+        nodes = (first[:, None, :] + around) @ (int(first.max()) + 2, 1)
+        check_notches_part(self.case, self.cloud.positions, nodes, h, "make mesh.h no more than half of it")
 
     def _start_from_exact(self) -> None:
         """Velocities and strains of the case's exact solution at the start, where it has them."""

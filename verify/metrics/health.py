@@ -40,7 +40,7 @@ INDICATORS = {
     ),
     "face_overlap": Indicator(
         "how far the faces of a slit have gone through each other, over the largest displacement",
-        0.01, "give the slit contact = true",
+        0.01, 'give the slit contact = true in a quasi-static case, or draw it with kind = "history"',
     ),
     "locking": Indicator(
         "share of the elastic energy in volume changes that alternate from point to point",
