@@ -149,7 +149,7 @@ def curve_axes(width: float, height: float, xlabel: str, ylabel: str) -> tuple[F
 
 
 def legend_below(
-    figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "", place: str = "outside lower center"
+    figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "", place: Any = "outside lower center"
 ) -> None:
     """Put one legend below the panels: each label of any of the axes once, the one called ``last`` at the end."""
     labelled = [pair for each in axes for pair in zip(*each.get_legend_handles_labels(), strict=True)]
