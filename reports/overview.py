@@ -34,7 +34,7 @@ def studied_cases(summary: Mapping[str, Any], out: Path) -> list[Case]:
     judged = {entry["case"]: CaseResults(entry, out).case for entry in summary["cases"]}
     kept = [name for name in list_cases() if any((LIBRARY / name / kind).is_dir() for kind in ("charts", "maps"))]
     others = {name: load_case(name) for name in kept if name not in judged}
-    return [case for case in (judged | others).values() if case is not None]
+    return [case for _, case in sorted((judged | others).items()) if case is not None]
 
 
 def all_made(cases: Sequence[Case], kind: Kind, out: Path) -> list[Made]:
@@ -137,13 +137,13 @@ def _least(levels: pd.DataFrame, target: float) -> str:
 
 
 def border_groups(maps: Sequence[Made]) -> list[dict[str, Any]]:
-    """For each map its case, title, what its axes are, where it comes from, and its borders as rows."""
+    """For each map its case, title, axes, where it comes from, and its borders; those with a theory first."""
     return [
         {
             "case": made.case, "title": made.study.title or made.name, "note": made.note(), "rows": list(_borders(made)),
             "x": label_of(made.study.x, made.case), "y": label_of(made.study.y, made.case),
         }
-        for made in maps
+        for made in sorted(maps, key=lambda made: not made.study.borders)
     ]  # fmt: skip
 
 

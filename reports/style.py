@@ -6,7 +6,7 @@ import re
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -149,11 +149,7 @@ def curve_axes(width: float, height: float, xlabel: str, ylabel: str) -> tuple[F
 
 
 def legend_below(
-    figure: Figure,
-    axes: Iterable[Any],
-    columns: int = 3,
-    last: str = "",
-    place: Literal["outside lower center", "outside upper left"] = "outside lower center",
+    figure: Figure, axes: Iterable[Any], columns: int = 3, last: str = "", place: Any = "outside lower center"
 ) -> None:
     """Put one legend below the panels: each label of any of the axes once, the one called ``last`` at the end."""
     labelled = [pair for each in axes for pair in zip(*each.get_legend_handles_labels(), strict=True)]
