@@ -16,9 +16,11 @@ from .results import READING_ERRORS, tells
 from .words import listed, number
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from cases import Case
+    from physics.rocking.ground import GroundMotion
 
     from .results import CaseResults, RunResults
 
@@ -96,6 +98,15 @@ def _verdict(run: RunResults) -> str:
         return "(open)"
 
 
+def _distinct(motions: Mapping[str, GroundMotion]) -> dict[str, GroundMotion]:
+    """The motions that differ, each under the first name that has it."""
+    found: dict[tuple[Any, ...], str] = {}
+    for name, motion in motions.items():
+        samples = motion.times.tobytes(), motion.accelerations.tobytes()
+        found.setdefault((motion.kind, motion.amplitude, motion.end, motion.cycles, *samples), name)
+    return {name: motions[name] for name in found.values()}
+
+
 def ground(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the acceleration of the ground over time and its response spectrum; of runs that differ, each one's."""
     case = results.case
@@ -106,13 +117,15 @@ def ground(results: CaseResults, folder: Path) -> style.Drawing | None:
     from physics.rocking.of_case import ground_motion  # compiled: on use
 
     motions = {run.name: ground_motion(run.folder.case) for run in results.shown_runs()}
-    distinct = {(m.kind, m.amplitude, m.end, m.cycles): (name, m) for name, m in reversed(motions.items())}
-    colours = style.colours_of([name for name, _ in distinct.values()])
+    distinct = list(_distinct(motions).items())
+    colours = style.colours_of([name for name, _ in distinct])
     unit, tables = results.unit("acceleration"), []
-    for name, motion in list(distinct.values())[::-1]:
+    for name, motion in distinct:
         times = np.linspace(0.0, 1.05 * motion.end, 2000)
-        periods = motion.end * np.geomspace(0.02, 5.0, PERIODS)
-        spectrum = response_spectrum(motion, periods, DAMPING, step=motion.end / 4000)
+        # of a pulse about its length; of a record from a few of its samples on
+        shortest, longest = (4.0 / len(motion.times), 0.25) if len(motion.times) else (0.02, 5.0)
+        periods = motion.end * np.geomspace(shortest, longest, PERIODS)
+        spectrum = response_spectrum(motion, periods, DAMPING, step=min(0.1 * periods[0], motion.end / 4000))
         grid[0, 0].plot(times, motion.acceleration(times), color=colours[name], label=name)
         grid[0, 1].plot(periods, spectrum, color=colours[name])
         tables.append(pd.DataFrame({"run": name, "period": periods, "spectral_acceleration": spectrum}))

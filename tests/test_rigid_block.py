@@ -11,9 +11,12 @@ import pytest
 from cases import Case, CaseError, case_from_tables, load_case
 from numerics.explicit import instants
 from physics.rocking.block import Block
+from physics.rocking.ground import pulse as pulse_of
+from physics.rocking.ground import record
 from physics.rocking.motion import Verdict, impacts_of, settled_verdict
 from physics.rocking.of_case import block_of, foundation_of, ground_motion, pendulum_of
 from reports.results import CaseResults
+from reports.rocking import _distinct as distinct_motions
 from reports.rocking_diagram import diagram
 from rigid_block import LinearPendulumMotion, PendulumMotion, WinklerMotion
 from verify import compare, run
@@ -213,3 +216,10 @@ def test_the_diagram_has_borders_of_models_and_verdicts_of_material_points(tmp_p
     assert table["border_after_impacts", 3.0] == pytest.approx(1.402, abs=1e-3)
     assert table[str(Verdict.AFTER_IMPACTS), 3.0] == 2.0 and table[str(Verdict.SAFE), 4.0] == 1.0
     assert "2 runs of material points" in drawn.caption
+
+
+def test_records_of_different_size_are_drawn_as_two():
+    times, up = [0.0, 1.0, 2.0], np.array([0.0, 1.0, 0.0])
+    one, other, pulses = record(times, up), record(times, 1.01 * up), pulse_of("sine", 1.0, 3.0)
+    shown = distinct_motions({"one": one, "other": other, "again": record(times, up), "sine": pulses})
+    assert list(shown) == ["one", "other", "sine"]
