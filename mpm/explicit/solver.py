@@ -44,12 +44,12 @@ class ExplicitMaterialPoints:
     def __init__(self, case: Case, cloud: PointCloud | None = None) -> None:
         assert case.dynamics is not None
         self.case, self.costs = case, Costs()
-        self._check()
+        _refuse_what_needs_a_grid_that_stays(case)
         self._frame, self._now = MovingFrame(case), case.dynamics.start_time
         self.cloud = cloud or place_in_bodies(case)
         self.bodies = [MovingBody(case, number, self.cloud) for number in range(len(case.bodies))]
         self._moving = [body for body in self.bodies if not body.rigid]
-        self._check_notches()
+        _check_notches(case, self.cloud)
         self._start_from_exact()
         self._start_notches()
         self.contact = Contact(case, self.bodies)
@@ -63,26 +63,6 @@ class ExplicitMaterialPoints:
         self._outer_work = self._boundary_power = 0.0
         self._updates_last = case.dynamics.order_of_update == "musl"
         self.costs.count["points"] = len(self.cloud.positions)
-
-    def _check(self) -> None:
-        case = self.case
-        if case.mesh.fine is not None:
-            raise GridError(f"{case.source}: mesh.fine: explicit material points need a uniform grid; remove it.")
-        for notch in case.all_notches:
-            if notch.kind == "slit":
-                raise GridError(
-                    f"{case.source}: notches: the slit from {list(notch.start)} to {list(notch.end)} would open a grid"
-                    ' that stays, this one moves; give kind = "cells" or "history".'
-                )
-
-    def _check_notches(self) -> None:
-        """Raise BuiltError where points on both sides of a notch lie within h of the same node: it hardly parts them."""
-        h = self.case.mesh.h
-        places = (self.cloud.positions - self.case.bounding_box()[0]) / h + 0.5 * (self.case.mpm.order - 1)
-        first = np.floor(places + 1e-9).astype(np.int64) + 1
-        around = np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
-        nodes = (first[:, None, :] + around) @ (int(first.max()) + 2, 1)
-        check_notches_part(self.case, self.cloud.positions, nodes, h, "make mesh.h no more than half of it")
 
     def _start_from_exact(self) -> None:
         """Velocities and strains of the case's exact solution at the start, where it has them."""
@@ -298,3 +278,24 @@ class ExplicitMaterialPoints:
 def _part(saved: Mapping[str, NDArray], prefix: str) -> dict[str, NDArray]:
     """Arrays whose names begin with a prefix, under the rest of their names."""
     return {name.removeprefix(prefix): array for name, array in saved.items() if name.startswith(prefix)}
+
+
+def _refuse_what_needs_a_grid_that_stays(case: Case) -> None:
+    if case.mesh.fine is not None:
+        raise GridError(f"{case.source}: mesh.fine: explicit material points need a uniform grid; remove it.")
+    for notch in case.all_notches:
+        if notch.kind == "slit":
+            raise GridError(
+                f"{case.source}: notches: the slit from {list(notch.start)} to {list(notch.end)} would open a grid"
+                ' that stays, this one moves; give kind = "cells" or "history".'
+            )
+
+
+def _check_notches(case: Case, cloud: PointCloud) -> None:
+    """Raise BuiltError where points on both sides of a notch lie within h of the same node: it hardly parts them."""
+    h = case.mesh.h
+    places = (cloud.positions - case.bounding_box()[0]) / h + 0.5 * (case.mpm.order - 1)
+    first = np.floor(places + 1e-9).astype(np.int64) + 1
+    around = np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
+    nodes = (first[:, None, :] + around) @ (int(first.max()) + 2, 1)
+    check_notches_part(case, cloud.positions, nodes, h, "make mesh.h no more than half of it")
