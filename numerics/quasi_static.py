@@ -177,10 +177,8 @@ class _LoadPath:
         outcome, problem = self._try(self.case, self.load, cautious=False)
         if not problem and self.limits.adaptive and self._first_advance(outcome) > self.limits.energy:
             problem = TOO_FAR
-        if not problem and self._refine():
-            return self._first_state()
         if not problem:
-            return self._accept(self.load, outcome)
+            return self._first_state() if self._refine() else self._accept(self.load, outcome)
         self.discretisation.undo()
         self.last = Increment(
             step=0, u=self.load, F=0.0, elastic_energy=0.0, fracture_energy=0.0, external_work=0.0,
@@ -238,9 +236,9 @@ class _LoadPath:
             load = target if ends else round(self.load + np.sign(way) * size, self.limits.digits)
             smallest = size <= smallest_size * 1.001
             outcome, problem = self._try(self.case, load, self.limits.adaptive and (self.dissipative or not smallest))
-            if not problem and self._refine():
-                continue
             if not problem:
+                if self._refine():
+                    continue
                 return self._grow_and_accept(load, outcome)
             if self.dissipative and problem in (TOO_FAR, GIVES_WAY):
                 self.discretisation.undo()
