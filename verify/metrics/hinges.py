@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from verify.metrics.metric import MetricError, history_column, metric, run_name
+from verify.metrics.metric import MetricError, metric, run_name
 
 if TYPE_CHECKING:
     from cases import Case
@@ -140,9 +140,3 @@ def collapsed(run: RunData) -> float:
     angle, _, data = vault_of(run)
     sunk = -data["displacement"][np.abs(angle) < CROWN, 1].mean()
     return float(sunk > arch_of(run.case)[1].thickness)
-
-
-@metric("number", "least phase field of all times")
-def least_phase_field(run: RunData) -> float:
-    """How near anything came to breaking, 1 where nothing is damaged."""
-    return float(history_column(run, "c_min").min())
