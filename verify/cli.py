@@ -318,7 +318,9 @@ def run_command(
             console.print(f"{job.title}: {sentence}")
     ended = []
     for outcome in outcomes([job for job, _ in planned], jobs, cluster):
-        console.print(f"{outcome.title}: {outcome.line}")
+        # a record that several runs need is told once
+        if not (outcome.needs_record and any(other.line == outcome.line for other in ended)):
+            console.print(f"{outcome.title}: {outcome.line}")
         ended.append(outcome)
     if any(outcome.refused for outcome in ended) or all(outcome.needs_record for outcome in ended):
         raise typer.Exit(BAD_INPUT)
