@@ -28,7 +28,7 @@ from verify.judging.judge import checks_of, find_runs
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.views import check_name, check_sentence, counts, failed_runs, needed_records, suspect_runs
 from verify.runs.atomic import write_table
-from verify.runs.jobs import Job, outcomes
+from verify.runs.jobs import Job, Outcome, outcomes
 from verify.runs.provenance import code_version
 from verify.runs.refusals import refusals
 from verify.runs.run_folder import RunFolderError
@@ -344,9 +344,11 @@ def run_command(
     for job, sentences in planned:
         for sentence in sentences:
             console.print(f"{job.title}: {sentence}")
-    ended = []
+    ended: list[Outcome] = []
     for outcome in outcomes([job for job, _ in planned], jobs, cluster):
-        console.print(f"{outcome.title}: {outcome.line}")
+        # a record that several runs need is told once
+        if not (outcome.needs_record and any(other.line == outcome.line for other in ended)):
+            console.print(f"{outcome.title}: {outcome.line}")
         ended.append(outcome)
     if any(outcome.refused for outcome in ended) or all(outcome.needs_record for outcome in ended):
         raise typer.Exit(BAD_INPUT)

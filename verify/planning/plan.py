@@ -193,4 +193,6 @@ def _regime(case: Case) -> str:
 def _regime_of(case: Case, body: Body) -> str:
     if body.rigid:
         return "rigid"
+    if body.unbreakable:
+        return f"breaks, but for {len(body.unbreakable)} parts"
     return "breaks" if case.materials[body.material].fracture else "deforms, cannot break"
