@@ -211,8 +211,8 @@ def plan(
     for source, _, name in named:
         _print_plan(console, load_case(source, tier, name), name, accuracy)
     console.print(f"Seconds are a rough estimate: {RULE}.")
-    for base in bases if accuracy else ():
-        for sentence in recorded_choices(base, out, accuracy):
+    for base in bases:
+        for sentence in recorded_choices(base, out, accuracy) if accuracy else ():
             console.print(f"{base.name}, measured by `verify chart`: {sentence}")
 
 
