@@ -26,9 +26,9 @@ from verify.extras import missing_extra
 from verify.judging.acceptance import accept
 from verify.judging.judge import checks_of, find_runs
 from verify.judging.summary import exit_code, summarise, write_summary
-from verify.judging.views import check_name, check_sentence, counts, failed_runs, suspect_runs
+from verify.judging.views import check_name, check_sentence, counts, failed_runs, needed_records, suspect_runs
 from verify.runs.atomic import write_table
-from verify.runs.jobs import Job, outcomes
+from verify.runs.jobs import Job, Outcome, outcomes
 from verify.runs.provenance import code_version
 from verify.runs.refusals import refusals
 from verify.runs.run_folder import RunFolderError
@@ -37,7 +37,7 @@ from verify.runs.selection import named_runs, selected_runs
 
 RUN_FAILED, BAD_INPUT, INTERNAL_ERROR = 2, 3, 5
 COLOURS = {"PASS": "green"} | dict.fromkeys(("FAIL", "RUN_FAILED", "SUSPECT"), "red")
-COLOURS |= dict.fromkeys(("MISSING", "NOT_CHECKED"), "yellow")
+COLOURS |= dict.fromkeys(("MISSING", "NEEDS_RECORD", "NOT_CHECKED"), "yellow")
 EXIT_CODE_HELP = (
     "Exit codes: 0 within tolerance, 1 out of tolerance or suspect, 2 a run failed, 3 bad input, 4 nothing was checked,"
     " 5 internal error."
@@ -96,6 +96,7 @@ ClusterOption = Annotated[
     typer.Option("--cluster", help="do the runs on this Dask cluster, one on each worker: tcp://host:8786"),
 ]
 RunOption = Annotated[list[str] | None, typer.Option("--run", help="only this run; may be repeated")]
+RecordOption = Annotated[bool, typer.Option("--record", help="keep them beside the case, for every report to show")]
 JobsOption = Annotated[int, typer.Option("--jobs", min=1, help="runs at the same time")]
 ThreadsOption = Annotated[int, typer.Option("--threads", min=1, help="threads of each run")]
 
@@ -179,7 +180,7 @@ def validate(cases: OptionalCases = None) -> None:
             checks_of(load_case(case.source, tier))
         named = ((tier, run) for tier in TIERS for run in load_case(case.source, tier).expanded_runs())
         found = refusals(load_case(case.source, tier, run) for tier, run in named)
-        for sentence in found.sentences or [f"{case.name}: valid{found.note}"]:
+        for sentence in (found.sentences or [f"{case.name}: valid{found.note}"]) + found.needs:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:
@@ -211,8 +212,10 @@ def plan(
     for source, _, name in named:
         _print_plan(console, load_case(source, tier, name), name, accuracy)
     console.print(f"Seconds are a rough estimate: {RULE}.")
+    if accuracy is None:
+        return
     for base in bases:
-        for sentence in recorded_choices(base, out, accuracy) if accuracy else ():
+        for sentence in recorded_choices(base, out, accuracy):
             console.print(f"{base.name}, measured by `verify chart`: {sentence}")
 
 
@@ -341,11 +344,13 @@ def run_command(
     for job, sentences in planned:
         for sentence in sentences:
             console.print(f"{job.title}: {sentence}")
-    ended = []
+    ended: list[Outcome] = []
     for outcome in outcomes([job for job, _ in planned], jobs, cluster):
-        console.print(f"{outcome.title}: {outcome.line}")
+        # a record that several runs need is told once
+        if not (outcome.needs_record and any(other.line == outcome.line for other in ended)):
+            console.print(f"{outcome.title}: {outcome.line}")
         ended.append(outcome)
-    if any(outcome.refused for outcome in ended):
+    if any(outcome.refused for outcome in ended) or all(outcome.needs_record for outcome in ended):
         raise typer.Exit(BAD_INPUT)
     if any(outcome.failed for outcome in ended):
         raise typer.Exit(RUN_FAILED)
@@ -353,7 +358,8 @@ def run_command(
 
 def _refuse(cases: list[Case]) -> None:
     """Raise CaseError with all that the solvers of these runs object to, if they do."""
-    if sentences := refusals(cases).sentences:
+    found = refusals(cases)
+    if sentences := found.sentences + found.needs:
         raise CaseError("\n".join(sentences))
 
 
@@ -370,8 +376,9 @@ def compare(names: OptionalCases = None, tier: TierOption = "standard", out: Out
     Examples: `verify compare` · `verify compare sen_tension --tier paper` · `verify compare mine.toml other.toml`
     """
     cases = _selected(names, tier)
-    found = [loaded for loaded in cases if _has_runs(loaded, out)]
-    if not found:
+    states = [{state.status for state in find_runs(loaded, out).values()} - {RunStatus.MISSING} for loaded in cases]
+    found = [loaded for loaded, there in zip(cases, states, strict=True) if there]
+    if not any(there - {RunStatus.NEEDS_RECORD} for there in states):
         command = " ".join(["verify run", *(names or []), "--tier", tier, "--out", str(out)])
         raise RunFolderError(
             f"{out / 'runs'}: nothing has been run in tier {tier!r}; do it with `{command}`."
@@ -387,14 +394,12 @@ def compare(names: OptionalCases = None, tier: TierOption = "standard", out: Out
     raise typer.Exit(exit_code(summary))
 
 
-def _has_runs(case: Case, out: Path) -> bool:
-    return any(state.status != RunStatus.MISSING for state in find_runs(case, out).values())
-
-
 def _print_problems(console: Console, summary: dict[str, Any]) -> None:
     for case in summary["cases"]:
         for sentence in (*failed_runs(case), *suspect_runs(case)):
             console.print(f"{case['case']}: run {sentence}")
+        for sentence in needed_records(case):
+            console.print(sentence)
         for check in case["checks"]:
             if check["verdict"] in ("FAIL", "MISSING"):
                 line = f"{case['case']}: {check['verdict']}: {check_name(check)}: {check_sentence(check)}"
@@ -577,64 +582,77 @@ def _teller() -> Callable[[str], None]:
     return lambda line: console.print(line)
 
 
+def _studied(names: list[str] | None, tier: str, key: str) -> list[Case]:
+    """The cases that are named, or all of the library that have charts or maps (``key``) at the tier."""
+    return [case for case in _selected(names, tier) if names or getattr(case, key)]
+
+
 @app.command()
 def chart(
-    case: CaseArgument,
+    cases: OptionalCases = None,
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--chart", help="only this chart; may be repeated")] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="runs of each level; the least time counts")] = 1,
+    record: RecordOption = False,
     jobs: JobsOption = 1,
     threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Chart accuracy against cost: run the ladders of a case's charts, tabulate and draw error over time and work.
 
-    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts.
+    Finished runs are used again, stopped ones are gone on with. Tables and figures go to OUT/charts. Without a case, all
+    of the library that have charts are charted.
 
-    Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3`
+    Examples: `verify chart sen_tension --tier quick` · `verify chart surfing --chart spacing --repeats 3` ·
+    `verify chart --tier quick --record`
     """
     from reports import draw_chart, drawing_style
     from verify.studies.charts import choice_sentence, make_charts
+    from verify.studies.records import Made
     from verify.studies.study import Options
 
-    tell, loaded = _teller(), load_case(case, tier)
-
-    for file in make_charts(loaded, Options(out, jobs, threads, cluster), names or [], repeats, tell):
-        with drawing_style():
-            drawing = draw_chart(file, file.parent, loaded.charts[file.stem].title)
-        for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
-            tell(choice_sentence(choice))
-        tell(f"Chart: {file}, {file.parent / drawing.file}")
+    tell, options = _teller(), Options(out, jobs, threads, cluster)
+    for loaded in _studied(cases, tier, "charts"):
+        for file in make_charts(loaded, options, names or [], repeats, tell, record):
+            with drawing_style():
+                drawing = draw_chart(Made("charts", file.stem, file, loaded), file.parent)
+            for _, choice in pd.read_csv(file.with_name(f"{file.stem}-choices.csv")).iterrows():
+                tell(choice_sentence(choice))
+            tell(f"Chart: {file}, {file.parent / drawing.file}")
 
 
 @app.command()
 def stability(
-    case: CaseArgument,
+    cases: OptionalCases = None,
     tier: TierOption = "standard",
     out: OutOption = DEFAULT_OUT,
     names: Annotated[list[str] | None, typer.Option("--map", help="only this map; may be repeated")] = None,
+    record: RecordOption = False,
     jobs: JobsOption = 1,
     threads: ThreadsOption = 1,
     cluster: ClusterOption = None,
 ) -> None:
     """Map where a method fails: a verdict for every pair of two levels, the border between them bisected.
 
-    Finished runs are used again, failed ones too. Tables and figures go to OUT/maps.
+    Finished runs are used again, failed ones too. Tables and figures go to OUT/maps. Without a case, all of the library
+    that have maps are mapped.
 
-    Examples: `verify stability sen_tension --tier quick` · `verify stability surfing --map toughness --jobs 2`
+    Examples: `verify stability sen_tension --tier quick` · `verify stability surfing --map toughness --jobs 2` ·
+    `verify stability --tier quick --record`
     """
     from reports import draw_map, drawing_style
     from verify.studies.maps import make_maps
+    from verify.studies.records import Made
     from verify.studies.study import Options
 
-    tell, loaded = _teller(), load_case(case, tier)
-
-    for file in make_maps(loaded, Options(out, jobs, threads, cluster), names or [], tell):
-        with drawing_style():
-            drawing = draw_map(file, file.parent, loaded.maps[file.stem])
-        tell(drawing.caption)
-        tell(f"Map: {file}, {file.parent / drawing.file}")
+    tell, options = _teller(), Options(out, jobs, threads, cluster)
+    for loaded in _studied(cases, tier, "maps"):
+        for file in make_maps(loaded, options, names or [], tell, record):
+            with drawing_style():
+                drawing = draw_map(Made("maps", file.stem, file, loaded), file.parent)
+            tell(drawing.caption)
+            tell(f"Map: {file}, {file.parent / drawing.file}")
 
 
 @app.command("price")
