@@ -32,7 +32,8 @@ class GridSlit:
         if not across.any():
             raise GridError(
                 f"{case.source}: notches: the slit from {start.tolist()} to {end.tolist()} is inclined, but the grid"
-                ' can open only along its lines; make it axis-parallel, or use kind = "history"'
+                ' can open only along its lines; make it axis-parallel, or give kind = "cells" with a width of'
+                f" {(case.mpm.order + 2) * case.mesh.h:g}"
             )
         self.normal = int(np.flatnonzero(across)[0])
         self.position = float(start[self.normal])
