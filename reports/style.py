@@ -194,7 +194,7 @@ def plain_numbers(axis: Axis, scale: float = 1.0) -> None:
     """Show the numbers of a logarithmic axis times ``scale`` in full, shares as percent with a scale of 100."""
     axis.set_major_formatter(_PlainNumbers(scale))
     axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))  # each tick costs time to draw
-    axis.set_minor_formatter(_PlainNumbers(scale, minor_thresholds=(1.0, 0.4)))
+    axis.set_minor_formatter(_PlainNumbers(scale, minor_thresholds=(1.5, 1.5)))
 
 
 def nice_number(value: float) -> float:

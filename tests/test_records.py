@@ -205,7 +205,7 @@ def test_axes_are_words_with_units() -> None:
                 assert all(key.rpartition(".")[2] in LEVELS for key in varied)
     tension, bar = load_case("sen_tension", "quick"), load_case("vibrating_bar", "quick")
     assert label_of(tension.maps["increments"].x, tension) == "load increment [mm]"
-    assert label_of(tension.maps["increments"].y, tension) == "passes of the staggered scheme in each increment"
+    assert label_of(tension.maps["increments"].y, tension) == "passes per increment"
     assert label_of(bar.maps["time_step"].x, bar) == "time step, as a share of the one by rule"
     assert costs_of(bar)["work"].endswith("time steps") and costs_of(tension)["seconds"].endswith("[s]")
 
