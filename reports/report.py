@@ -133,7 +133,12 @@ def _write_printed(summary: Mapping[str, Any], out: Path) -> str:
 
 
 def _write_studies(summary: Mapping[str, Any], out: Path, pages: Sequence[Mapping[str, Any]]) -> str:
-    """Write the page of all charts and maps and return its sentence; empty where there are none."""
+    """Write the page of all charts and maps and return its sentence; empty where there are none.
+
+    A report of one case has that case's on its own page and none of the others.
+    """
+    if len(pages) == 1:
+        return ""
     shown = overview.contents(summary, out)
     counts = [(len(shown["costs"]), "case"), (len(shown["borders"]), "map")]
     if not any(count for count, _ in counts) and not shown["problem"]:

@@ -223,7 +223,8 @@ def test_the_library_has_records_of_at_least_eight_cases() -> None:
 def test_the_page_of_all_cases_has_their_fronts_and_their_borders(recorded: Case, tmp_path: Path) -> None:
     out = tmp_path / "out"
     (out / "runs").mkdir(parents=True)
-    (out / "summary.json").write_text(json.dumps(summarise([recorded], "quick", out)))
+    plain = load_case(fake_solver.write_case(tmp_path / "plain"), "quick")
+    (out / "summary.json").write_text(json.dumps(summarise([recorded, plain], "quick", out)))
     index = write_report(out)
     page = (out / "studies.html").read_text()
     assert 'href="studies.html"' in index.read_text() and 'href="pages/square-quick.html">Softening square' in page
