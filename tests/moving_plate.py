@@ -25,6 +25,10 @@ PLATE = """
     mpm = { order = 2, fill_cells = false }
     runs = { mpm = { solver = "mpm" }, fem = { solver = "fem" } }
 """
+#: of a material that cannot break, without the notch that the phase field draws
+UNBREAKABLE = "\n".join(line for line in PLATE.splitlines() if "notches" not in line).replace(
+    'bodies.plate.material = "glass"', 'bodies.plate.material = "steel"'
+)
 #: no symmetry but that of second derivatives, axis 1 turned by 25 degrees
 GENERAL = (
     "order = 4, orientation = 25.0, gamma = { gamma_1111 = 5.0, gamma_2222 = 2.0, gamma_1122 = 0.7,"

@@ -290,7 +290,6 @@ def test_judging_loads_no_solver_and_no_vtk(square: Case, tmp_path: Path) -> Non
     mine = written(tmp_path, csv(U, F))
     program = f"""
 import sys
-from tests.test_strangers import PLATE
 from verify import judge
 judge({str(square.source)!r}, {str(mine)!r}, tier="quick", out={str(tmp_path / "out")!r})
 heavy = ("scipy.sparse", "scipy.spatial", "scipy.optimize", "numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen")

@@ -27,7 +27,7 @@ title = "Mesh"
 requirement = "A mesh is made."
 units = { length = "mm", force = "kN" }
 plane = { assumption = "strain" }
-materials.steel = { young = 210.0, poisson = 0.3 }
+materials.steel = { young = 210.0, poisson = 0.3, fracture = { toughness = 2.7e-3, length_scale = 100.0 } }
 load = { path = [0.0] }
 """
 UNIT_SQUARE = "{ rectangle = { lower = [0, 0], upper = [1, 1] } }"

@@ -351,7 +351,9 @@ def test_a_slip_in_a_dynamic_case_gets_one_sentence(change, said):
 
 
 def test_a_phase_field_that_points_cannot_hold_is_refused():
-    case = case_of({"a": square(0.0)}, constraints=[{"on": "left", "direction": "phase", "value": 0.0}])
+    materials = {"soft": {**STEEL, "fracture": {"toughness": 1.0, "length_scale": 1.0}}}
+    held = [{"on": "left", "direction": "phase", "value": 0.0}]
+    case = case_of({"a": square(0.0)}, materials=materials, constraints=held)
     with pytest.raises(CaseError, match=r"constraints\[0\].direction = 'phase'.* hold no phase field; remove it"):
         ExplicitMaterialPoints(case)
 

@@ -15,6 +15,10 @@ from cases.spacing import grid_lines
 UNIT_SQUARE = {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}
 
 
+#: of a length scale that any spacing resolves
+FRACTURE = {"toughness": 2.7e-3, "length_scale": 100.0}
+
+
 def case_of(mesh: dict[str, Any], notches: tuple[dict[str, Any], ...] = (), shape: Any = None) -> Case:
     return case_from_tables(
         {
@@ -22,7 +26,7 @@ def case_of(mesh: dict[str, Any], notches: tuple[dict[str, Any], ...] = (), shap
             "requirement": "lines",
             "units": {"length": "mm", "force": "kN"},
             "plane": {"assumption": "strain"},
-            "materials": {"steel": {"young": 210.0, "poisson": 0.3}},
+            "materials": {"steel": {"young": 210.0, "poisson": 0.3, "fracture": FRACTURE}},
             "bodies": {"plate": {"material": "steel", "shape": shape or UNIT_SQUARE}},
             "notches": list(notches),
             "load": {"path": [0.0]},
@@ -142,7 +146,7 @@ PLACES = st.floats(-0.2, 1.2).map(lambda place: round(place, 12))
     ratio=st.floats(1, 20),
     growth=st.floats(1.05, 2.5),
     ends=st.lists(PLACES, min_size=2, max_size=2, unique=True).map(sorted),
-    level=st.floats(0, 1).map(lambda level: round(level, 12)),
+    level=st.floats(1e-3, 0.999).map(lambda level: round(level, 12)),
     tip=st.floats(0.05, 1),
     place=st.floats(0, 1).map(lambda place: round(place, 12)),
     share=st.floats(0, 1),
