@@ -300,6 +300,8 @@ def _parts_are_of_bodies(case: CaseDescription) -> None:
         if case.materials[body.material].fracture is None:
             remedy = f"remove it or give materials.{body.material}.fracture"
             raise BrokenRuleError("is a part of a body that cannot break anyway", remedy, key)
+    if case.output.regions and case.dynamics is None:
+        raise BrokenRuleError("are told of in dynamics only", "remove them or give the table dynamics", "output.regions")
     for name, region in case.output.regions.items():
         _defined(region.body, list(case.bodies), f"output.regions.{name}.body", "body")
         if name in case.bodies:

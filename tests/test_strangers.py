@@ -239,3 +239,9 @@ def test_the_remedy_for_an_inclined_slit_works():
     cells = [{"kind": "cells", "width": 0.15, **inclined}]
     fem, mpm = (force(plate(solver, notches=cells), solver) for solver in ("fem", "mpm"))
     assert mpm == pytest.approx(fem, rel=0.02)
+
+
+def test_an_angle_of_a_region_that_no_one_tells_is_refused() -> None:
+    region = {"body": "plate", "within": {"rectangle": {"lower": [0.0, 0.0], "upper": [0.5, 0.5]}}}
+    with pytest.raises(CaseError, match=r"'output.regions' are told of in dynamics only"):
+        case_from_tables({**PLATE, "output": {"regions": {"corner": region}}})
