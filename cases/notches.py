@@ -47,6 +47,11 @@ class Segment(Table):
         offset, (x, y) = points - np.asarray(self.start), self.direction
         return offset @ self.direction, x * offset[..., 1] - y * offset[..., 0]
 
+    def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of points (n, 2) from the segment (n,) [length]."""
+        along, aside = self.coordinates(points)
+        return np.hypot(along - np.clip(along, 0.0, self.length), aside)
+
     def lies_on(self, other: Segment) -> bool:
         """Both ends are on the other segment, to a thousandth of the length."""
         along, aside = other.coordinates(np.array([self.start, self.end]))

@@ -36,6 +36,15 @@ def grid_lines(case: Case) -> tuple[Array, Array]:
     return _lines_along(case, 0), _lines_along(case, 1)
 
 
+def cell_sizes(case: Case, points: Array) -> Array:
+    """Extents (n, 2) of the grid's cell around each of the points (n, 2) [length]."""
+    sizes = []
+    for lines, x in zip(grid_lines(case), points.T, strict=True):
+        cell = np.clip(np.searchsorted(lines, x, side="right") - 1, 0, len(lines) - 2)
+        sizes.append(np.diff(lines)[cell])
+    return np.stack(sizes, axis=1)
+
+
 def count_cells(case: Case) -> int:
     """Cells of the grid of `grid_lines`, in bodies and beside them, without making any."""
     return math.prod(sum(_cells_between(*_fixed_lines(case, axis))) for axis in (0, 1))

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from cases import Case
-from cases.spacing import grid_lines
+from cases.spacing import cell_sizes
 
 from .fields import Fields
 from .staggered import QuasiStaticDiscretisation
 
-#: material is on its way to break below this phase field
-DAMAGED = 0.6
+#: material is on its way to break below this phase field; coarse cells bear more than fine ones before it falls further
+DAMAGED = 0.9
 #: cells larger than this many times h are coarse
 COARSE = 1.5
 #: the fine box goes on beyond the damage, in multiples of the length scale
@@ -82,7 +82,7 @@ def with_larger_fine_box(case: Case, fields: Fields) -> Case | None:
     damaged = fields.reference[(fields.phase_field < DAMAGED)]
     if fine is None or not len(damaged):
         return None
-    outside = damaged[(_cell_sizes(case, damaged) > COARSE * case.mesh.h).any(axis=1)]
+    outside = damaged[(cell_sizes(case, damaged) > COARSE * case.mesh.h).any(axis=1)]
     if not len(outside):
         return None
     lengths = [m.fracture.length_scale for m in case.materials.values() if m.fracture]
@@ -99,15 +99,6 @@ def _with_fine_box(case: Case, lower: NDArray, upper: NDArray) -> Case:
     corners = {"lower": tuple(map(float, lower)), "upper": tuple(map(float, upper))}
     mesh = case.mesh.model_copy(update={"fine": case.mesh.fine.model_copy(update=corners)})
     return case.model_copy(update={"mesh": mesh})
-
-
-def _cell_sizes(case: Case, points: NDArray) -> NDArray:
-    """Extent (n, 2) of the grid's cell around each of the points (n, 2)."""
-    sizes = []
-    for lines, x in zip(grid_lines(case), points.T, strict=True):
-        cell = np.clip(np.searchsorted(lines, x, side="right") - 1, 0, len(lines) - 2)
-        sizes.append(np.diff(lines)[cell])
-    return np.stack(sizes, axis=1)
 
 
 def carried(

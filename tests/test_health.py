@@ -192,3 +192,22 @@ runs.mpm = { solver = "mpm"ACCEPTS }
     file.write_text(text.replace("ACCEPTS", accepted.replace("quadrature", "quadratur")), encoding="utf-8")
     with pytest.raises(JudgeError, match=r"accepts\.quadratur: is no indicator"):
         checks_of(load_case(file))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(("right", "tripped"), [(0.4, {"coarse_crack"}), (2.0, set())])
+def test_a_crack_that_leaves_the_fine_box_is_told(solver, right, tripped, tmp_path):
+    """It bears several tenths more than in fine cells, if it breaks at all."""
+    mesh = {"h": 0.1, "coarse": 0.4, "growth": 2.0, "fine": {"lower": [0.2, 0.1], "upper": [right, 0.9]}}
+    load = {"path": [0.0, 0.02], "increment": 5e-3, "smallest": 1e-3}
+    notches = [slit(0.0, 0.3)]
+    tables = {**PLATE, "materials": BREAKABLE, "notches": notches, "mesh": mesh, "load": load}
+    found = examined(case_from_tables(tables, run=solver), tmp_path, solver)
+    assert "coarse_crack" in found and beyond(found) == tripped
+
+
+def test_what_a_notch_drawn_by_its_history_damages_is_no_crack_in_coarse_cells(tmp_path):
+    notch = {"kind": "history", "start": [0.0, 0.5], "end": [0.3, 0.5]}
+    mesh = {"h": 0.1, "coarse": 0.2, "fine": {"lower": [0.8, 0.8], "upper": [1.0, 1.0]}}
+    tables = {**PLATE, "materials": BREAKABLE, "notches": [notch], "mesh": mesh}
+    assert "coarse_crack" not in examined(case_from_tables(tables, run="fem"), tmp_path, "fem")

@@ -32,6 +32,21 @@ def test_a_small_fine_box_grows_with_the_crack(variant, solver):
     assert grown[-1].fracture_energy == pytest.approx(from_the_start[-1].fracture_energy, rel=0.03)
 
 
+def test_a_fine_box_that_misses_the_tip_gets_there_before_it_breaks(variant):
+    """Coarse cells at the tip bear a tenth more."""
+
+    def peak(fine, make=FiniteElements, **mesh):
+        mesh = {"h": 0.02, "coarse": 0.25, "fine": fine, **mesh}
+        load = LOAD | {"path": [0.0, 0.007]}
+        case = variant("sen_tension", mesh=mesh, materials=BLUNT, load=load, staggered={"tolerance": 1e-3})
+        return max(step.F for step in increments(make(case), case))
+
+    far = {"lower": [0.0, 0.0], "upper": [0.2, 0.2]}
+    fine, coarse = peak(WHOLE), peak(far)
+    following = peak(far, lambda case: FollowingDiscretisation(FiniteElements, case), follow_crack=True)
+    assert coarse > 1.05 * fine and following == pytest.approx(fine, rel=0.01)
+
+
 @pytest.mark.parametrize("solver", [FiniteElements, MaterialPoints])
 def test_a_first_state_that_breaks_has_fine_cells_too(variant, solver):
     def first(fine, follow):

@@ -14,8 +14,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.notches import Segment
+from cases.notches import HistoryNotch, Segment
 from cases.solvers import SOLVERS
+from cases.spacing import cell_sizes
 from numerics.fields import Fields
 from verify.metrics.histories import missing_energy
 
@@ -49,6 +50,10 @@ INDICATORS = {
     "resolution": Indicator(
         "share of the squared stress that jumps from cell to cell, where eigenstrains act and F is an energy",
         0.02, "make mesh.h smaller",
+    ),
+    "coarse_crack": Indicator(
+        "share of the new crack's energy in cells larger than the length scale, where cracks take too much force",
+        0.05, "enlarge mesh.fine, or set mesh.follow_crack = true in a quasi-static case",
     ),
     "quadrature": Indicator(
         "share of the volume in cells with fewer than 2 x 2 material points",
@@ -129,7 +134,7 @@ def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
     slits = [notch for notch in case.all_notches if notch.kind == "slit"]
     if slits and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
-    found |= _locking(case, fields) | _resolution(case, fields)
+    found |= _locking(case, fields) | _resolution(case, fields) | _coarse_crack(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
     return found | ({"numerical_fracture": float(sum(pieces))} if pieces else {})
@@ -215,6 +220,31 @@ def _projection(values: NDArray, term: NDArray, block: NDArray, weight: NDArray)
     share = np.divide(along, square[:, None], out=np.zeros_like(along), where=square[:, None] > 0.0)
     return term * share[block]
 
+
+#: below this phase field material softens: where AT2 in one dimension bears its largest stress
+_SOFTENS = 0.75
+#: a notch drawn by its history field damages what is nearer than so many length scales, and the cell beyond
+_BESIDE_NOTCH = 4.0
+
+
+def _coarse_crack(case: Case, fields: Fields) -> dict[str, float]:
+    """Of what softens outside the notches; a grid that follows the crack, or may be too coarse by name, is not asked."""
+    mesh, fractures = case.mesh, [case.materials[body.material].fracture for body in case.bodies.values()]
+    lengths = np.array([np.inf if f is None else f.length_scale for f in fractures])[fields.body]
+    cracked = (fields.phase_field < _SOFTENS) & np.isfinite(lengths)
+    if mesh.fine is None or mesh.follow_crack or mesh.under_resolved or not cracked.any():
+        return {}
+    cell = cell_sizes(case, fields.reference).max(axis=1)
+    for notch in case.all_notches:
+        if isinstance(notch, HistoryNotch):
+            cracked &= notch.distance(fields.reference) > _BESIDE_NOTCH * lengths + cell
+    energy = np.where(cracked, (1.0 - fields.phase_field) ** 2 * fields.volume, 0.0)
+    coarse = cell > _ROUNDED * lengths
+    return {"coarse_crack": float(energy[coarse].sum() / energy.sum())} if energy.any() else {}
+
+
+#: a cell as large as the length scale is not larger
+_ROUNDED = 1.01
 
 #: Poisson's ratio above which plane strain may lock, and above which elements without a remedy do
 _NEARLY_INCOMPRESSIBLE, _LOCKS_IN_MOTION = 0.45, 0.495
