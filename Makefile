@@ -21,20 +21,23 @@ install: .venv/developed ## make .venv with the pinned dependencies, the project
 
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-# What judges results: the plain installation, without solvers.
-.venv/light: constraints.txt pyproject.toml
+.venv/made: constraints.txt pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make install PYTHON=python3.12")'
 	$(PYTHON) -m venv .venv
+	@touch $@
+
+# What judges results: the plain installation, without solvers.
+.venv/light: .venv/made
 	$(PIP) -e .
 	@touch $@
 
-.venv/installed: .venv/light
+.venv/installed: .venv/made
 	$(PIP) -e '.[fast]'
-	@touch $@
+	@touch $@ .venv/light
 
-.venv/developed: .venv/installed
+.venv/developed: .venv/made
 	$(PIP) -e '.[dev]'
-	@touch $@
+	@touch $@ .venv/light .venv/installed
 
 judge: .venv/light ## judge a result of your own: CASE=, HISTORY= a CSV file, MAP= its columns, TIER=
 	$(if $(and $(CASE),$(HISTORY)),,$(error make judge needs a case and a file: make judge CASE=sen_shear HISTORY=mine.csv))
