@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import suppress
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import scipy.sparse as sparse
@@ -59,10 +59,15 @@ class Pardiso:
     """MKL PARDISO: one symbolic factorisation per pattern, Cholesky, or LDL^T where Cholesky breaks down."""
 
     POSITIVE_DEFINITE, INDEFINITE = 2, -2
+    #: MKL's defaults by number, given by hand (1) since those it sets itself refine every solution twice: nested
+    #: dissection (2), size of perturbed pivots (10), Bunch-Kaufman pivots (21); only perturbed pivots are refined
+    SETTINGS: ClassVar = {1: 1, 2: 2, 10: 8, 21: 1}
 
     def __init__(self, pattern: Pattern, costs: Costs) -> None:
         self._pattern, self._costs = pattern, costs
         self._solver = PyPardisoSolver(mtype=self.POSITIVE_DEFINITE)
+        for number, value in self.SETTINGS.items():
+            self._solver.set_iparm(number, value)
         self._analysed = False
 
     def __del__(self) -> None:
