@@ -331,7 +331,7 @@ def run_command(
     `verify run l_panel --tier paper --resume` · `verify run sen_tension --accuracy 1%` ·
     `verify run --cluster tcp://127.0.0.1:8786 --threads 1`
     """
-    from verify.planning.plan import planned_job
+    from verify.planning.plan import longest_first, planned_job
 
     each, console = threads if cluster else max(1, threads // jobs), _console()
     wanted = [
@@ -344,8 +344,8 @@ def run_command(
     for job, sentences in planned:
         for sentence in sentences:
             console.print(f"{job.title}: {sentence}")
-    ended: list[Outcome] = []
-    for outcome in outcomes([job for job, _ in planned], jobs, cluster):
+    todo, ended = [job for job, _ in planned], list[Outcome]()
+    for outcome in outcomes(longest_first(todo) if cluster or 1 < jobs < len(todo) else todo, jobs, cluster):
         # a record that several runs need is told once
         if not (outcome.needs_record and any(other.line == outcome.line for other in ended)):
             console.print(f"{outcome.title}: {outcome.line}")

@@ -130,6 +130,16 @@ def planned_job(job: Job, accuracy: float | None) -> tuple[Job, list[str]]:
     return job, []
 
 
+def longest_first(jobs: list[Job]) -> list[Job]:
+    """Jobs side by side in an order in which none is left alone at the end."""
+
+    def seconds(job: Job) -> float:
+        case = job.case()
+        return 0.0 if SOLVERS[case.run_spec(job.run).solver].table else expected_seconds(case, job.run)
+
+    return sorted(jobs, key=seconds, reverse=True)
+
+
 def expected_seconds(case: Case, run: str) -> float:
     """Processor seconds of a run, its case with the run's changes merged in.
 
