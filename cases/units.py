@@ -86,7 +86,7 @@ class Units(Table):
         if not re.fullmatch(r"[A-Za-zµμ]{1,24}", name):
             raise BrokenRuleError("is not the name of a unit", remedy, value=name)
         try:
-            fits = unit_registry().Unit(name).is_compatible_with(example)
+            fits = _are_of_one_kind(name, example)
         except (PintError, ValueError, AttributeError):
             raise BrokenRuleError("is not a known unit", remedy, value=name) from None
         if not fits:
@@ -114,11 +114,8 @@ class Units(Table):
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """`SIZES` in the units of the case."""
-        return {kind: (most / self._in_si(kind), least / self._in_si(kind)) for kind, (most, least) in SIZES.items()}
-
-    def _in_si(self, kind: str) -> float:
-        """The unit of a kind of quantity in SI units."""
-        return float(unit_registry().Quantity(1.0, self.expression(kind)).to_base_units().magnitude)
+        units = {kind: _in_si(self.expression(kind)) for kind in SIZES}
+        return {kind: (most / units[kind], least / units[kind]) for kind, (most, least) in SIZES.items()}
 
     def convert(self, text: str, kind: str) -> float:
         """Number in the units of the case for a string such as "210 GPa".
@@ -139,6 +136,17 @@ class Units(Table):
             raise BrokenRuleError(f"is not a quantity of {kind}", remedy, value=text) from None
         except Exception:  # pint raises many kinds of error for a malformed unit, some of them Python's own
             raise BrokenRuleError("has an unknown unit", remedy, value=text) from None
+
+
+@cache
+def _are_of_one_kind(name: str, other: str) -> bool:
+    return bool(unit_registry().Unit(name).is_compatible_with(other))
+
+
+@cache
+def _in_si(expression: str) -> float:
+    """A unit in SI units."""
+    return float(unit_registry().Quantity(1.0, expression).to_base_units().magnitude)
 
 
 def _power(name: str, power: int) -> str:
