@@ -66,6 +66,7 @@ SOLVERS: dict[str, Solver] = {
             "mpm", "PF-MPM", "PF-MPM grid and points", "--",
             "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", by_points=True,
         ),
+        Solver("easyfea", "EasyFEA", "EasyFEA's mesh", (0, (5, 1, 1, 1)), table="verify.runs.easyfea:solve"),
         Solver(IMPORTED, "imported", "an imported result", "-.", table="verify.runs.importing:read_foreign"),
         _of_rigid_block("pendulum", "pendulum", (0, (3, 1, 1, 1)), "PendulumMotion"),
         _of_rigid_block("pendulum_linear", "linear pendulum", ":", "LinearPendulumMotion"),

@@ -3,13 +3,12 @@
 import sys
 from pathlib import Path
 
-import easyfea_solver
 import pytest
 
 from cases import load_case
 from cases.errors import CaseError
-from cases.solvers import SOLVERS
 from verify.extras import MissingExtraError
+from verify.runs import easyfea
 from verify.runs.running import tabulate
 
 
@@ -19,12 +18,11 @@ from verify.runs.running import tabulate
 )
 def test_what_it_does_not_know_is_one_sentence(case: str, said: str) -> None:
     with pytest.raises(CaseError, match=said):
-        easyfea_solver.solve(load_case(case, "quick"))
+        easyfea.solve(load_case(case, "quick"))
 
 
 def test_without_easyfea_the_sentence_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "EasyFEA", None)
-    monkeypatch.setitem(SOLVERS, "easyfea", easyfea_solver.SOLVER)
     case = load_case("three_point_bending_notched", "quick", "fem")
     spec = case.run_spec("fem")
     monkeypatch.setattr(type(case), "run_spec", lambda self, run: type(spec)("fem", "easyfea", "fem"))
@@ -34,6 +32,6 @@ def test_without_easyfea_the_sentence_says_how_to_install_it(tmp_path: Path, mon
 
 def test_an_elastic_step_agrees_with_our_finite_elements() -> None:
     pytest.importorskip("EasyFEA")
-    model = easyfea_solver.Model(load_case("three_point_bending_notched", "quick", "fem"))
+    model = easyfea.Model(load_case("three_point_bending_notched", "quick", "fem"))
     assert model.step(0.004)
     assert model.row(0.004)["F"] == pytest.approx(0.00412417, rel=1e-3)  # of the kept result

@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 
 from cases import Case
 from cases.errors import CaseError
-from cases.solvers import Solver
 from fem_reference.mesh.build import build_mesh
 from verify.runs.foreign_fields import fields_on_mesh
 
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 
     from numerics.fields import Fields
 
-#: what the entry point of the group "fracture_verify.solvers" names
-SOLVER = Solver("easyfea", "EasyFEA", "EasyFEA's mesh", (0, (5, 1, 1, 1)), table="easyfea_solver:solve")
 #: our splits by EasyFEA's names
 SPLITS = {"none": "Bourdin", "spectral": "Miehe", "volumetric": "Amor"}
 #: largest change of the damage between two staggered iterations that have converged, and how many there may be
