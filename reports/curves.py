@@ -219,6 +219,9 @@ def _draw_energies(axes: Any, run: RunResults) -> None:
     axes.plot(
         history["u"], history["W_ext"], color=style.GREY, linewidth=3.4, alpha=0.55, label="external work"
     )
+    told = history.dropna(subset=["E_el", "E_frac"])
+    if len(told) < len(history):  # integrated from the fields of some states
+        history, line = told, "o"
     axes.plot(history["u"], _energy_sum(history), "-", color="black", linewidth=0.9, label="sum of energies")
     axes.plot(history["u"], history["E_el"], line, color=style.OKABE_ITO[0], label="elastic")
     axes.plot(history["u"], history["E_frac"], line, color=style.OKABE_ITO[1], label="fracture")

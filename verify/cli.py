@@ -18,9 +18,10 @@ from rich.table import Table
 from rich.text import Text
 
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
+from cases.errors import BrokenRuleError
 from cases.judging import TIERS
 from cases.loader import LIBRARY
-from cases.solvers import SOLVERS
+from cases.solvers import SOLVERS, installed, register
 from numerics.status import RunStatus
 from verify.extras import missing_extra
 from verify.judging.acceptance import accept
@@ -162,6 +163,11 @@ def list_command(
 
 def _solver_table() -> Table:
     table = Table("solver", "title", "from", "gives")
+    for name in installed():
+        try:
+            register(name)
+        except BrokenRuleError as error:
+            table.add_row(name, error.text, "", error.remedy)
     for name, solver in SOLVERS.items():
         home = (solver.table or solver.quasi_static or solver.dynamic).partition(":")[0]
         table.add_row(name, solver.title, home, "a table" if solver.table else "fields")
