@@ -41,7 +41,7 @@ def test_it_is_found_by_its_name_where_it_is_installed(tmp_path: Path) -> None:
     )
     command = ("-m", "verify.cli")
     assert "Own bar" in called(tmp_path, *command, "list", "--solvers")
-    loaded = "import own_solver, cases; print(cases.load_case({!r}).runs['own'].solver)".format(str(CASE))
+    loaded = f"import own_solver, cases; print(cases.load_case({str(CASE)!r}).runs['own'].solver)"
     assert called(tmp_path, "-c", loaded).strip() == "own"
     (tmp_path / "bar.toml").write_text(CASE.read_text().replace('solver = "own"', 'solver = "broken"'))
     said = called(tmp_path, *command, "validate", "bar.toml")

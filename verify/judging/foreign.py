@@ -314,10 +314,10 @@ def energy_remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
         return []
     state, said = told.iloc[-1], []
     kept = next((RunFolder(folder) for folder in _kept_folders(case, out)), None)
-    for name, kind in (("E_frac", "fracture"), ("E_el", "elastic")):
+    for name, kind in (("E_frac", "a fracture"), ("E_el", "an elastic")):
         if np.isfinite(state[name]):
             ours = "" if kept is None else _beside(kept, name, state)
-            said.append(f"a {kind} energy of {state[name]:.4g} {case.unit('energy')}{ours}")
+            said.append(f"{kind} energy of {state[name]:.4g} {case.unit('energy')}{ours}")
     return [f"At u = {state['u']:.4g} its fields hold {' and '.join(said)}, integrated here over their cells."]
 
 

@@ -70,7 +70,8 @@ def energies_of(fields: Fields, case: Case) -> Energies:
     elastic, no_elastic = _elastic(fields, case, body, table)
     fracture, no_fracture = _fracture(fields, body, table)
     told = (("elastic", no_elastic), ("fracture", no_fracture))
-    return Energies(elastic, fracture, tuple(f"No {kind} energy is integrated from the fields: {w}." for kind, w in told if w))
+    missing = tuple(f"No {kind} energy is integrated from the fields: {why}." for kind, why in told if why)
+    return Energies(elastic, fracture, missing)
 
 
 def _bodies(fields: Fields, case: Case) -> NDArray:
@@ -117,7 +118,7 @@ def _elastic(fields: Fields, case: Case, body: NDArray, table: MaterialTable) ->
     for number, material in enumerate(case.materials[each.material] for each in case.bodies.values()):
         mine, split = body == number, material.fracture.split if material.fracture else "none"
         if not strained and split != "none":
-            return np.nan, f"they hold no displacement, and by its split {split} the stress alone does not tell the strain"
+            return np.nan, f"they hold no displacement, and by the split {split} their stress does not tell the strain"
         g = _degradation(fields, mine, table, number)
         strain = _strain(fields.gradient[mine]) if strained else None
         density[mine] = _density(table, number, g, strain, fields.stress[mine])
