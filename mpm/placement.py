@@ -42,7 +42,8 @@ class PointCloud:
 def place_points(case: Case) -> PointCloud:
     """Points of a case: at Gauss points, regularly or at random (seeded) in each cell, kept where a body is.
 
-    Or those of `mpm.mesh_points`. Each point stands for a rectangle; on Gauss points its sides are the weights, otherwise equal shares of the cell.
+    Or those of `mpm.mesh_points`. Each point stands for a rectangle; on Gauss points its sides are the weights, otherwise
+    equal shares of the cell.
     """
     if case.mpm.placement == "mesh":
         cloud = PointCloud(*mesh_points(case))
