@@ -186,7 +186,7 @@ def validate(cases: OptionalCases = None) -> None:
             checks_of(load_case(case.source, tier))
         named = ((tier, run) for tier in TIERS for run in load_case(case.source, tier).expanded_runs())
         found = refusals(load_case(case.source, tier, run) for tier, run in named)
-        for sentence in (found.sentences or [f"{case.name}: valid{found.note}"]) + found.needs:
+        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *case.mesh_remarks]) + found.needs:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:
