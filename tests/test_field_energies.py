@@ -1,5 +1,6 @@
 """Energies of fields from elsewhere: exact ones met, our own solver's met on its mesh, what is not told is a sentence."""
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -98,3 +99,11 @@ def test_what_the_data_do_not_tell_is_a_sentence() -> None:
            for name, x in (("a", 0.0), ("b", 0.4))}  # fmt: skip
     beyond = energies_of(whole, case_from_tables({**PLATE, "bodies": two}))
     assert "20 % of their area lies in no body" in beyond.missing[0]
+
+
+def test_without_compiled_laws_the_sentence_says_how_to_install_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "numba", None)
+    for name in [name for name in sys.modules if name.startswith("physics")]:
+        monkeypatch.delitem(sys.modules, name)
+    (said,) = energies_of(fields(plate()), plate()).missing
+    assert said.startswith("No energies are integrated from the fields: numba is not installed") and "[solve]" in said

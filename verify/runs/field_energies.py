@@ -56,12 +56,17 @@ def energies_of(fields: Fields, case: Case) -> Energies:
     stress · strain where there is a stress alone and the law is the same in tension and compression.
     """
     try:
-        from physics.elasticity import MaterialTable
+        return _integrated(fields, case)
     except ModuleNotFoundError as error:
         said = missing_extra(error)
         if said is None:
             raise
         return Energies(np.nan, np.nan, (f"No energies are integrated from the fields: {said}",))
+
+
+def _integrated(fields: Fields, case: Case) -> Energies:
+    from physics.elasticity import MaterialTable
+
     body = _bodies(fields, case)
     if (outside := fields.volume[body < 0].sum() / fields.volume.sum()) > _OUTSIDE:
         said_of = f"{100 * outside:.2g} % of their area lies in no body of the case"
