@@ -323,10 +323,11 @@ def energy_remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
 
 def _beside(kept: RunFolder, name: str, state: pd.Series) -> str:
     """What a kept run has of an energy at the u of a state, where it went so far and has any."""
-    u, energy = kept.history["u"].to_numpy(), kept.history[name].to_numpy()
-    if not min(u) <= state["u"] <= max(u):
+    u, energy = (kept.history[column].to_numpy(dtype=float) for column in ("u", name))
+    if not u.min() <= state["u"] <= u.max():
         return f" ({kept.info['run']} ends at u = {u[-1]:.4g})"
-    ours = float(np.interp(state["u"], *(values[np.argsort(u, kind="stable")] for values in (u, energy))))
+    order = np.argsort(u, kind="stable")
+    ours = float(np.interp(state["u"], u[order], energy[order]))
     return f" ({state[name] / ours:.3f} times that of {kept.info['run']})" if ours > 0 else ""
 
 
