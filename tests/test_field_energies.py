@@ -62,26 +62,29 @@ def test_a_uniform_strain_holds_its_energy_and_a_stress_alone_the_same(monkeypat
     (material,) = case.materials.values()
     strained = fields(case)
     modulus = material.lam + 2.0 * material.mu
-    expected = 0.5 * modulus * 1e-6 * (strained.phase_field**2 @ strained.volume)
-    assert energies_of(strained, case).elastic == pytest.approx(expected)
+    # of c^2 = 1 - 2 e + e^2 with e = exp(-|y| / (2 l0))
+    across = 1.0 - 8.0 * L0 * (1.0 - np.exp(-0.25 / L0)) + 2.0 * L0 * (1.0 - np.exp(-0.5 / L0))
+    expected = 0.5 * modulus * 1e-6 * 2.0 * across
+    assert energies_of(strained, case).elastic == pytest.approx(expected, rel=1e-3)
     stress = strained.phase_field[:, None] ** 2 * np.array([material.lam, modulus, 0.0]) * 1e-3
     nothing = np.full_like(strained.gradient, np.nan)
     stressed = Fields(**{**vars(strained), "gradient": nothing, "stress": stress})
-    assert energies_of(stressed, case).elastic == pytest.approx(expected)
+    assert energies_of(stressed, case).elastic == pytest.approx(expected, rel=2e-3)
     assert "by the split spectral their stress does not tell" in energies_of(stressed, plate()).missing[0]
 
 
 def test_the_energies_of_our_own_solver_are_met_on_its_mesh() -> None:
-    case = case_from_tables(PLATE, run="fem")
+    broken = {"path": [0.0, 0.008], "increment": 0.002}
+    case = case_from_tables({**PLATE, "load": broken, "mesh": {"h": 0.05, "under_resolved": True}}, run="fem")
     solver = FiniteElements(case)
-    *_, last = increments(solver, case)
+    list(increments(solver, case))
     state = solver.fields()
     read = fields_on_mesh(
         state.grid_points, state.grid_cells, state.grid_phase_field, state.grid_displacement, case.plane.thickness
     )
     elastic, fracture = solver.energies()
-    assert fracture > 1e-6 and last.u == pytest.approx(0.004)
-    assert energies_of(read, case) == Energies(pytest.approx(elastic, rel=0.01), pytest.approx(fracture, rel=0.01))
+    assert state.grid_phase_field.min() < 0.1
+    assert energies_of(read, case) == Energies(pytest.approx(elastic, rel=0.002), pytest.approx(fracture, rel=0.001))
 
 
 def test_what_the_data_do_not_tell_is_a_sentence() -> None:

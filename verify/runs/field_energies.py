@@ -98,10 +98,15 @@ def _fracture(fields: Fields, body: NDArray, table: MaterialTable) -> tuple[floa
     slope = _slope(fields.grid_points, cells, corners)
     squared, nothing = (slope**2).sum(axis=1), np.zeros(len(cells))
     density = np.zeros(len(cells))
-    for edge in ((0, 1), (1, 2), (2, 0)):  # exact for squares
-        density += coefficients.energy_density(corners[cells[:, edge]].mean(axis=1), squared, nothing) / 3.0
+    for value in _on_edges(corners, cells):
+        density += coefficients.energy_density(value, squared, nothing) / 3.0
     density[~table.breakable[body[inside]]] = 0.0
     return float(density @ fields.volume[inside]), ""
+
+
+def _on_edges(values: NDArray, cells: NDArray) -> NDArray:
+    """Nodal values in the middle of the edges (3, n) of triangles, by which squares are integrated exactly."""
+    return np.stack([values[cells[:, edge]].mean(axis=1) for edge in ((0, 1), (1, 2), (2, 0))])
 
 
 def _slope(points: NDArray, cells: NDArray, values: NDArray) -> NDArray:
@@ -135,7 +140,8 @@ def _degradation(fields: Fields, mine: NDArray, table: MaterialTable, number: in
 
     if not table.breakable[number]:
         return np.ones(mine.sum())
-    return np.asarray(degradation(fields.phase_field[mine], table.residual_stiffness[number]))
+    values = _on_edges(fields.grid_phase_field, fields.grid_cells[mine])
+    return np.asarray(degradation(values, table.residual_stiffness[number])).mean(axis=0)
 
 
 def _strain(gradient: NDArray) -> NDArray:
