@@ -81,8 +81,10 @@ class Mpm(Table):
     ----------
     order : polynomial order of the B-splines
     placement : of the points in their cells: on Gauss points, regularly, or at random; in dynamics also on the
-        circles of discs and rings, other bodies having regular ones
-    points_per_cell : per direction
+        circles of discs and rings, other bodies having regular ones; in quasi-static cases whose bodies are mesh files
+        also on the Gauss points of these ("mesh"), with their weights as volumes, which fill_cells leaves as they are;
+        exact for a uniform stress only where the elements are cells of the grid
+    points_per_cell : per direction; of triangles of a mesh, 1 point or 2 for 3 points
     constraints_on : the edges of the points at the boundary or the points themselves, both by a penalty, or
         the nodes of the grid
     penalty : in multiples of the stiffness, dimensionless
@@ -94,7 +96,7 @@ class Mpm(Table):
     """
 
     order: Literal[1, 2, 3] = 2
-    placement: Literal["gauss", "regular", "random", "rings"] = "gauss"
+    placement: Literal["gauss", "regular", "random", "rings", "mesh"] = "gauss"
     points_per_cell: Annotated[Whole, Field(ge=1, le=16)] = 2
     seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 0
     constraints_on: Literal["edges", "points", "nodes"] = "edges"

@@ -21,7 +21,7 @@ class ForeignFields(Table):
     ----------
     file : VTU, PVD, VTK, XDMF or Exodus
     phase_field, damage : array of c (1 intact), or of d = 1 - c; found by their usual names without
-    displacement, stress : arrays of vectors, and of tensors or of xx, yy, (zz,) xy; likewise
+    displacement, stress : arrays of vectors, and of tensors or of xx, yy, (zz,) xy in the case's unit; likewise
     cut : plane of a three-dimensional result, "z = 0.5" in the file's lengths; its other two axes are x and y of the case
     unit : of the file's lengths, that of the case without
     """

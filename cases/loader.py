@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import tomllib
 from contextlib import suppress
+from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -196,7 +198,7 @@ def read_tables(source: Path) -> Tables:
         written = read_text(source)
         if _LONG_KEY.search(written):
             raise sentence(source, "", None, f"has a key of more than {DEEPEST} parts", "shorten it")
-        tables = tomllib.loads(written)
+        tables = deepcopy(_parsed(written))
     except UnicodeDecodeError as error:
         raise sentence(source, "", None, f"not UTF-8 text: byte {error.start}", "save it as UTF-8") from None
     except ValueError as error:  # TOMLDecodeError, and Python's own for a number of thousands of digits
@@ -208,6 +210,12 @@ def read_tables(source: Path) -> Tables:
     if _is_deeper(tables, DEEPEST):
         raise sentence(source, "", None, f"nests its tables and lists more than {DEEPEST} deep", "take them apart")
     return tables
+
+
+@lru_cache(maxsize=8)
+def _parsed(written: str) -> Tables:
+    """The tables of a text; each run of a case reads its file again."""
+    return tomllib.loads(written)
 
 
 def _is_deeper(tables: Tables, most: int) -> bool:

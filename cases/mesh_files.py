@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -17,14 +18,13 @@ from cases.mesh_arrays import (
     Integers,
     MeshArrays,
     corner_jacobians,
+    cross,
     edge_table,
     signed_areas,
 )
-from cases.mesh_groups import only_group, read_mesh
+from cases.mesh_groups import CORNERS, only_group, read_mesh
 from cases.notches import SlitNotch
 
-FIRST_ORDER = ("triangle", "quad")
-WITHOUT_AREA = ("vertex", "line", "line3")
 # Part of the extent by which a plane mesh may leave its plane: rounding of single precision.
 FLATNESS = 1e-6
 # Part of the shortest edge within which two places of a mesh are one.
@@ -32,13 +32,15 @@ SAME_PLACE = 1e-3
 
 
 def read_mesh_file(path: Path, body: int = 0, group: str | None = None) -> MeshArrays:
-    """The first-order triangles or quadrilaterals of a mesh file or a group of it, given to the body of that index.
+    """The triangles or quadrilaterals of a mesh file or a group of it, given to the body of that index.
 
-    The z coordinate is dropped, points of no element are removed, and a mesh numbered clockwise throughout is
-    turned round. Lines and vertices in the file are passed over. Edges that stand twice are cracks, see `mesh_slits`.
+    The z coordinate is dropped, points of no element are removed, and elements numbered clockwise are turned round.
+    Those of second order with straight edges are taken by their corners, see `second_order_sentence`. Lines and vertices
+    in the file are passed over. Edges that stand twice are cracks, see `mesh_slits`.
 
     Raises MeshError when the file cannot be read, holds no such elements, mixes them, leaves the x-y plane, has
-    inverted or collapsed elements, a node within another element's edge, or parts that only doubled nodes hold together.
+    curved, collapsed or overlapping elements, a node within another element's edge, or parts that only doubled nodes
+    hold together.
     """
     mesh = _checked(path, group, path.stat().st_mtime_ns)
     return replace(mesh, body=np.full(len(mesh.cells), body))
@@ -47,6 +49,13 @@ def read_mesh_file(path: Path, body: int = 0, group: str | None = None) -> MeshA
 def mesh_outline(path: Path, group: str | None = None) -> BaseGeometry:
     """Union of the elements of a mesh file or a group of it, in the file's own numbers; raises as `read_mesh_file`."""
     return _outline(path, group, path.stat().st_mtime_ns)
+
+
+def second_order_sentence(path: Path, group: str | None = None) -> str:
+    """How many elements of a mesh file or a group of it are taken by their corners alone; empty where all are linear."""
+    cells = only_group(path, read_mesh(path), group).cells
+    count = sum(len(block.data) for block in cells if block.data.shape[1] > CORNERS.get(block.type, math.inf))
+    return f"{path.name}: {count} elements of second order are taken by their corners." if count else ""
 
 
 def mesh_slits(path: Path, groups: tuple[str | None, ...] = (None,)) -> tuple[SlitNotch, ...]:
@@ -84,7 +93,10 @@ def _outline(path: Path, group: str | None, modified: int) -> BaseGeometry:
 @lru_cache(maxsize=16)
 def _slits(path: Path, groups: tuple[str | None, ...], modified: int) -> tuple[SlitNotch, ...]:
     content = read_mesh(path)
-    cells = np.concatenate([_plane_cells(path, only_group(path, content, group)) for group in groups])
+    parts = [_plane_cells(path, only_group(path, content, group)) for group in groups]
+    if len({part.shape[1] for part in parts}) > 1:
+        parts = [part if part.shape[1] == 3 else part[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3) for part in parts]
+    cells = np.concatenate(parts)
     points = np.asarray(content.points, dtype=np.float64)[:, :2]
     mesh = MeshArrays(points, cells, np.zeros(len(cells), dtype=np.int64)).without_unused_points()
     if number_of_parts(mesh.cells) > 1:
@@ -112,9 +124,14 @@ def _doubled_edges(mesh: MeshArrays) -> Floats:
 
 def _check_conforming(path: Path, mesh: MeshArrays) -> None:
     """Elements meet in whole edges, and what doubled nodes part hangs together elsewhere."""
-    edges = edge_table(mesh.cells)
-    if edges.count.max() > 2:
-        raise MeshError(f"{path}: an edge belongs to more than two elements; remove the elements that overlap")
+    ways = np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=-1).reshape(-1, 2)
+    there, count = np.unique(ways, axis=0, return_counts=True)
+    if count.max() > 1:
+        x, y = mesh.points[there[count.argmax()]].mean(axis=0)
+        raise MeshError(
+            f"{path}: two elements lie on the same side of an edge near ({x:.6g}, {y:.6g}); remove elements that overlap,"
+            " or regenerate the mesh"
+        )
     if (place := hanging_node(mesh)) is not None:
         raise MeshError(
             f"{path}: the node at ({place[0]:.6g}, {place[1]:.6g}) lies within the edge of another element, which does"
@@ -153,22 +170,40 @@ def number_of_parts(cells: Integers) -> int:
 
 
 def _plane_cells(path: Path, content) -> Integers:  # type: ignore[no-untyped-def]
-    """Corner indices of the triangles or of the quadrilaterals, whichever the file holds."""
-    present = {block.type for block in content.cells if len(block.data)} - set(WITHOUT_AREA)
-    if other := sorted(present - set(FIRST_ORDER)):
+    """Corner indices of the triangles or of the quadrilaterals with straight edges, whichever the file holds."""
+    blocks = [block for block in content.cells if len(block.data) and CORNERS.get(block.type, 3) > 2]
+    if other := sorted({block.type for block in blocks} - set(CORNERS)):
         raise MeshError(
             f"{path}: elements of type {', '.join(other)} are not supported; "
-            "export plane first-order triangles or quadrilaterals alone"
+            "export plane triangles or quadrilaterals alone"
         )
-    if not present:
+    if not blocks:
         raise MeshError(
             f"{path}: the file holds no triangles or quadrilaterals; save its surface elements too"
         )
-    if len(present) > 1:
+    if len({CORNERS[block.type] for block in blocks}) > 1:
         raise MeshError(
             f"{path}: triangles and quadrilaterals are mixed; recombine the mesh fully or not at all"
         )
-    return np.concatenate([np.asarray(b.data, dtype=np.int64) for b in content.cells if b.type in present])
+    points = np.asarray(content.points, dtype=np.float64)[:, :2]
+    for block in blocks:
+        _check_straight(path, points, np.asarray(block.data), CORNERS[block.type])
+    return np.concatenate([np.asarray(b.data, dtype=np.int64)[:, : CORNERS[b.type]] for b in blocks])
+
+
+def _check_straight(path: Path, points: Floats, cells: Integers, corners: int) -> None:
+    """The nodes in the middle of edges lie on them, so that nothing of the outline is lost without them."""
+    if cells.shape[1] == corners:
+        return
+    start, end = points[cells[:, :corners]], points[np.roll(cells[:, :corners], -1, axis=1)]
+    away = np.abs(cross(points[cells[:, corners : 2 * corners]] - start, end - start)) / ((end - start) ** 2).sum(axis=2)
+    curved = np.flatnonzero((away > SAME_PLACE).any(axis=1))
+    if len(curved):
+        x, y = start[curved[0]].mean(axis=0)
+        raise MeshError(
+            f"{path}: {len(curved)} second-order elements have curved edges, the first near ({x:.6g}, {y:.6g}); mesh"
+            " curves with more elements of first order"
+        )
 
 
 def _plane_points(path: Path, points: Floats) -> Floats:
@@ -179,9 +214,8 @@ def _plane_points(path: Path, points: Floats) -> Floats:
 
 
 def _counter_clockwise(path: Path, points: Floats, cells: Integers) -> Integers:
-    """The cells with positive Jacobians; one that is clockwise among others counts as inverted."""
-    if (signed_areas(points, cells) < 0.0).all():
-        cells = cells[:, ::-1]
+    """The cells with positive Jacobians, each turned round that is numbered clockwise."""
+    cells = np.where(signed_areas(points, cells)[:, None] < 0.0, cells[:, ::-1], cells)
     jacobians = corner_jacobians(points, cells)
     scale = np.ptp(points, axis=0).max() ** 2
     bad = np.flatnonzero((jacobians <= 1e-14 * scale).any(axis=1))

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     import meshio
     from shapely.geometry.base import BaseGeometry
 
-#: corners of the cells of a plane mesh that lines and areas are made of
-_CORNERS = {"vertex": 1, "line": 2, "line3": 2, "triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+#: corners of the cells of a plane mesh that lines and areas are made of, those of second order without their other nodes
+CORNERS = {
+    "vertex": 1, "line": 2, "line3": 2, "triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4,
+}  # fmt: skip
 _GMSH = "gmsh:physical"
 #: plane strain elements of Abaqus, of which meshio knows those of plane stress alone
 _PLANE_STRAIN = {
@@ -128,7 +130,7 @@ def _boundary(path: Path, group: str, modified: int) -> BaseGeometry:
     points, groups = np.asarray(mesh.points)[:, :2], cells_of_groups(mesh)
     if group in groups:
         chosen = zip(mesh.cells, groups[group], strict=True)
-        plane = [(block.data[some], _CORNERS[block.type]) for block, some in chosen if block.type in _CORNERS]
+        plane = [(block.data[some], CORNERS[block.type]) for block, some in chosen if block.type in CORNERS]
         cells = [cell for data, corners in plane for cell in data[:, :corners]]
         return shapely.union_all([_shape_of(points[cell]) for cell in cells])
     if group not in mesh.point_sets:
@@ -148,7 +150,7 @@ def _shape_of(corners: NDArray) -> BaseGeometry:
 
 def _outline_edges(mesh: Any) -> NDArray:
     """Ends (n, 2) of the edges that belong to one plane cell only."""
-    corners = [np.asarray(b.data)[:, : _CORNERS[b.type]] for b in mesh.cells if _CORNERS.get(b.type, 0) > 2]
+    corners = [np.asarray(b.data)[:, : CORNERS[b.type]] for b in mesh.cells if CORNERS.get(b.type, 0) > 2]
     edges = [np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2) for cells in corners]
     if not edges:
         return np.empty((0, 2), dtype=np.int64)

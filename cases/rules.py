@@ -53,6 +53,7 @@ def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> 
     _notches_are_in_bodies(case)
     _cracks_are_where_material_breaks(case)
     _spacing_fits_the_bodies(case)
+    _placement_has_a_mesh(case)
     _rocking_is_of_a_block(case)
     _parts_are_of_bodies(case)
     _checks_have_targets(case, checks)
@@ -287,6 +288,18 @@ def _rocking_is_of_a_block(case: CaseDescription) -> None:
     if case.dynamics.gravity[0] != 0.0 or case.dynamics.gravity[1] >= 0.0:
         remedy = "let it act along -y"
         raise BrokenRuleError("is not that of a block that rocks", remedy, "dynamics.gravity", case.dynamics.gravity)
+
+
+def _placement_has_a_mesh(case: CaseDescription) -> None:
+    if case.mpm.placement != "mesh":
+        return
+    shaped = next((name for name, body in case.bodies.items() if body.mesh is None), None)
+    if case.dynamics is not None or shaped:
+        text = f"needs a mesh file, which bodies.{shaped} has not" if shaped else "applies in quasi-static cases only"
+        raise BrokenRuleError(text, 'give "gauss" or "regular"', "mpm.placement", "mesh")
+    if case.mpm.fill_cells and "fill_cells" in case.mpm.model_fields_set:
+        text = "has no effect on the points of a mesh, which keep the volumes of their cells"
+        raise BrokenRuleError(text, "remove it or give false", "mpm.fill_cells", True)
 
 
 def _parts_are_of_bodies(case: CaseDescription) -> None:

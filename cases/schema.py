@@ -19,7 +19,7 @@ from cases.judging import Check, Reference, Run, RunSpec, TierName
 from cases.loading import AT_REST, Constraint, Contact, Dynamics, Load
 from cases.loads import BodyForce, Eigenstrain, Traction
 from cases.material import Material
-from cases.mesh_files import mesh_slits
+from cases.mesh_files import mesh_slits, second_order_sentence
 from cases.notches import CellsNotch, Notch
 from cases.output import Output
 from cases.rocking import Rocking
@@ -102,6 +102,12 @@ class CaseDescription(Table):
             tables = {key.partition(".")[0]: None for key in run.sweep}
             only_known(tables, changeable, f"{name}.sweep", "may not be changed by a run")
         return runs
+
+    @property
+    def mesh_remarks(self) -> list[str]:
+        """What is made of the mesh files of its bodies other than what they hold, in sentences."""
+        meshes = [(body.mesh, body.group) for body in self.bodies.values() if body.mesh]
+        return [said for said in (second_order_sentence(*mesh) for mesh in meshes) if said]
 
     def bounding_box(self) -> Bounds:
         """Lower and upper corner, (2,) each, of the bounding box of all bodies [length]."""

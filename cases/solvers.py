@@ -66,6 +66,7 @@ SOLVERS: dict[str, Solver] = {
             "mpm", "PF-MPM", "PF-MPM grid and points", "--",
             "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", by_points=True,
         ),
+        Solver("easyfea", "EasyFEA", "EasyFEA's mesh", (0, (5, 1, 1, 1)), table="verify.runs.easyfea:solve"),
         Solver(IMPORTED, "imported", "an imported result", "-.", table="verify.runs.importing:read_foreign"),
         _of_rigid_block("pendulum", "pendulum", (0, (3, 1, 1, 1)), "PendulumMotion"),
         _of_rigid_block("pendulum_linear", "linear pendulum", ":", "LinearPendulumMotion"),
@@ -74,13 +75,32 @@ SOLVERS: dict[str, Solver] = {
 }  # fmt: skip
 #: those that come with this package
 OWN = tuple(SOLVERS)
-for _entry in entry_points(group=ENTRY_POINTS):
-    SOLVERS.setdefault(_entry.name, _entry.load())
+
+
+def installed() -> list[str]:
+    """Names that entry points of other packages give and that are not registered yet."""
+    return [name for name in entry_points(group=ENTRY_POINTS).names if name not in SOLVERS]
+
+
+def register(name: str) -> None:
+    """Register an installed solver. Not on import: its package imports this one.
+
+    Raises BrokenRuleError where its package cannot be loaded.
+    """
+    (entry,) = list(entry_points(group=ENTRY_POINTS, name=name))[:1]
+    try:
+        SOLVERS[name] = entry.load()
+    except Exception as error:  # whatever a package of somebody else's raises
+        text = f"is a solver whose package cannot be loaded ({type(error).__name__}: {error})"
+        raise BrokenRuleError(text, f"repair or uninstall {entry.module}", value=name) from None
 
 
 def _known(name: str) -> str:
-    if name not in SOLVERS:
-        raise BrokenRuleError("is not a solver", f"give one of {', '.join(SOLVERS)}", value=name)
+    if name in SOLVERS:
+        return name
+    if name not in installed():
+        raise BrokenRuleError("is not a solver", f"give one of {', '.join([*SOLVERS, *installed()])}", value=name)
+    register(name)
     return name
 
 

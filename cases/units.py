@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import re
 from functools import cache, cached_property
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pint import UnitRegistry
-from pint.errors import DimensionalityError, PintError
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from cases.errors import BrokenRuleError
 from cases.table import Table
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
 
 # Exponents of force, length and time in each kind of quantity.
 KINDS: dict[str, tuple[int, int, int]] = {
@@ -48,6 +49,13 @@ SIZES: dict[str, tuple[float, float]] = {
     "rate": (1e18, 1e-30),
 }
 
+#: units that most cases name, in SI units: for them alone pint is not loaded, which takes longer than the case
+COMMON: dict[str, dict[str, float]] = {
+    "force": {"N": 1.0, "kN": 1e3, "MN": 1e6},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+}
+
 _EXAMPLES = {"length": "0.5 mm", "stress": "210 GPa", "toughness": "2.7 N/mm", "density": "7850 kg/m^3",
              "time": "1 s", "force": "1 kN", "number": "0.3", "velocity": "1 m/s",
              "acceleration": "9.81 m/s^2", "rate": "1/s", "force_density": "25 kN/m^3"}  # fmt: skip
@@ -61,7 +69,9 @@ _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @cache
 def unit_registry() -> UnitRegistry:
-    """The registry of units, built at the first string that needs it (it takes a third of a second)."""
+    """The registry of units, loaded and built at the first unit that needs it (it takes most of a second)."""
+    from pint import UnitRegistry
+
     return UnitRegistry()
 
 
@@ -86,8 +96,8 @@ class Units(Table):
         if not re.fullmatch(r"[A-Za-zµμ]{1,24}", name):
             raise BrokenRuleError("is not the name of a unit", remedy, value=name)
         try:
-            fits = unit_registry().Unit(name).is_compatible_with(example)
-        except (PintError, ValueError, AttributeError):
+            fits = name in COMMON[kind] or _are_of_one_kind(name, example)
+        except Exception:  # pint raises many kinds of error for a name that it does not know
             raise BrokenRuleError("is not a known unit", remedy, value=name) from None
         if not fits:
             raise BrokenRuleError(f"is not a unit of {kind}", remedy, value=name)
@@ -114,11 +124,15 @@ class Units(Table):
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """`SIZES` in the units of the case."""
-        return {kind: (most / self._in_si(kind), least / self._in_si(kind)) for kind, (most, least) in SIZES.items()}
+        units = {kind: self._in_si(kind) for kind in SIZES}
+        return {kind: (most / units[kind], least / units[kind]) for kind, (most, least) in SIZES.items()}
 
     def _in_si(self, kind: str) -> float:
         """The unit of a kind of quantity in SI units."""
-        return float(unit_registry().Quantity(1.0, self.expression(kind)).to_base_units().magnitude)
+        known = [COMMON[key].get(getattr(self, key)) for key in COMMON]
+        if None in known:
+            return _in_si(self.expression(kind))
+        return math.prod(unit**power for unit, power in zip(known, KINDS[kind], strict=True) if unit is not None)
 
     def convert(self, text: str, kind: str) -> float:
         """Number in the units of the case for a string such as "210 GPa".
@@ -127,6 +141,8 @@ class Units(Table):
         ------
         BrokenRuleError : not a number with a unit, or a unit of another dimension
         """
+        from pint.errors import DimensionalityError
+
         example = _EXAMPLES.get(kind, "1 mm")
         remedy = f'write a plain number in {self.label(kind)} or a string such as "{example}"'
         match = _QUANTITY.fullmatch(text.strip()) if len(text) <= _LONGEST_QUANTITY else None
@@ -139,6 +155,17 @@ class Units(Table):
             raise BrokenRuleError(f"is not a quantity of {kind}", remedy, value=text) from None
         except Exception:  # pint raises many kinds of error for a malformed unit, some of them Python's own
             raise BrokenRuleError("has an unknown unit", remedy, value=text) from None
+
+
+@cache
+def _are_of_one_kind(name: str, other: str) -> bool:
+    return bool(unit_registry().Unit(name).is_compatible_with(other))
+
+
+@cache
+def _in_si(expression: str) -> float:
+    """A unit in SI units."""
+    return float(unit_registry().Quantity(1.0, expression).to_base_units().magnitude)
 
 
 def _power(name: str, power: int) -> str:

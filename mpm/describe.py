@@ -42,7 +42,7 @@ def describe(case: Case) -> Description:
         basis=f"B-splines of order {case.mpm.order}, points placed {case.mpm.placement}",
         fine=description.where_fine(case, cells),
         cells=round(cells),
-        points=round(cells * case.mpm.points_per_cell**2),
+        points=_points(case, cells),
         unknowns_displacement=round(counts.displacement),
         unknowns_phase_field=round(counts.phase_field),
         order=case.mpm.order,
@@ -51,6 +51,12 @@ def describe(case: Case) -> Description:
         rigid=rigid,
         stable_step=None if case.dynamics is None else stable_step(case),
     )
+
+
+def _points(case: Case, cells: float) -> int:
+    if case.mpm.placement == "mesh":
+        return len(place_points(case).volume)
+    return round(cells * case.mpm.points_per_cell**2)
 
 
 def _set_up(case: Case) -> _Counts:

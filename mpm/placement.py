@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from cases import Case
 from cases.bodies import Body
 from cases.geometry import Shape
 from cases.spacing import grid_lines
+from mpm.mesh_points import mesh_points
 from numerics.description import outlines
 
 
@@ -33,12 +34,20 @@ class PointCloud:
     corner: NDArray
     body: NDArray
 
+    def only(self, kept: NDArray) -> PointCloud:
+        """The points of a mask (n,)."""
+        return PointCloud(*(getattr(self, each.name)[kept] for each in fields(self)))
+
 
 def place_points(case: Case) -> PointCloud:
     """Points of a case: at Gauss points, regularly or at random (seeded) in each cell, kept where a body is.
 
-    Each point stands for a rectangle; on Gauss points its sides are the weights, otherwise equal shares of the cell.
+    Or those of `mpm.mesh_points`. Each point stands for a rectangle; on Gauss points its sides are the weights, otherwise
+    equal shares of the cell.
     """
+    if case.mpm.placement == "mesh":
+        cloud = PointCloud(*mesh_points(case))
+        return cloud.only(~case.left_out(cloud.positions))
     x_lines, y_lines = (np.asarray(lines) for lines in grid_lines(case))
     widths = np.stack(np.meshgrid(np.diff(x_lines), np.diff(y_lines), indexing="ij"), -1).reshape(-1, 1, 2)
     corners = np.stack(np.meshgrid(x_lines[:-1], y_lines[:-1], indexing="ij"), -1).reshape(-1, 1, 2)
@@ -48,8 +57,8 @@ def place_points(case: Case) -> PointCloud:
     corner = (widths * (lower - local)).reshape(-1, 2)
     volume = size.prod(axis=1) * case.plane.thickness
     body = case.inside(positions)
-    kept = (body >= 0) & ~case.left_out(positions)
-    return PointCloud(positions[kept], volume[kept], size[kept], corner[kept], body[kept])
+    cloud = PointCloud(positions, volume, size, corner, body)
+    return cloud.only((body >= 0) & ~case.left_out(positions))
 
 
 def placement_health(case: Case, cloud: PointCloud) -> dict[str, float]:

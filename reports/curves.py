@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
 
 from cases import CaseError, load_case
 from verify.metrics.curves import BROKEN_FRACTION, Curve, CurveError, peak_index
@@ -173,7 +173,8 @@ def _calm_error_axis(axes: Any, table: pd.DataFrame, peak_u: float) -> str:
     linear = 2 * style.nice_number(before)
     axes.set_yscale("symlog", linthresh=linear)
     axes.axhspan(-linear, linear, color=style.PALE, zorder=0)
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_minor_locator(NullLocator())  # each tick, and each formula as its label, costs time to draw
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     return f" The axis is linear within ±{number(linear)} % (shaded) and logarithmic beyond."
 
 
@@ -218,6 +219,9 @@ def _draw_energies(axes: Any, run: RunResults) -> None:
     axes.plot(
         history["u"], history["W_ext"], color=style.GREY, linewidth=3.4, alpha=0.55, label="external work"
     )
+    told = history.dropna(subset=["E_el", "E_frac"])
+    if len(told) < len(history):  # integrated from the fields of some states
+        history, line = told, "o"
     axes.plot(history["u"], _energy_sum(history), "-", color="black", linewidth=0.9, label="sum of energies")
     axes.plot(history["u"], history["E_el"], line, color=style.OKABE_ITO[0], label="elastic")
     axes.plot(history["u"], history["E_frac"], line, color=style.OKABE_ITO[1], label="fracture")

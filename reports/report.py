@@ -237,11 +237,17 @@ def _notices(results: CaseResults) -> list[str]:
     suspect = {name: run.entry.get("suspicions") or [] for name, run in results.runs.items()}
     said = [f"Not shown: {words.listed(names)}. Reason: {why}" for why, names in absent.items()]
     said += [f"Suspect: in {name} the {told}" for name, each in suspect.items() for told in each]
-    said += results.entry.get("remarks") or []
+    said += results.case.mesh_remarks if results.case else []
+    said += dict.fromkeys([*(results.entry.get("remarks") or []), *(_remarks_of(results))])
     said += [f"Curves not compared: {problem}" for problem in results.entry.get("curve_problems") or []]
     if results.case is None:
         said.append(f"The case description could not be read: {results.case_problem}")
     return said
+
+
+def _remarks_of(results: CaseResults) -> list[str]:
+    """Return what runs say of the fields that they came with."""
+    return [told for run in results.runs.values() for told in (run.record or {}).get("remarks", [])]
 
 
 def readme_html(results: CaseResults) -> Markup:

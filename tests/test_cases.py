@@ -22,7 +22,7 @@ from cases.geometry import Shape
 from cases.json_schema import SCHEMA_FILE, case_schema, schema_text
 from cases.judging import merge, nest
 from cases.material import Material
-from cases.units import Units
+from cases.units import COMMON, Units, unit_registry
 
 TOY = """
 title = "Plate with a slit"
@@ -166,6 +166,16 @@ def test_labels_of_units() -> None:
     labels = {kind: units.label(kind) for kind in ("length", "displacement", "force", "stress", "toughness")}
     assert labels == dict(length="mm", displacement="mm", force="kN", stress="kN/mm²", toughness="kN/mm")
     assert (units.label("energy"), units.label("density")) == ("kN·mm", "kN·s²/mm⁴")
+
+
+@pytest.mark.parametrize("kind", COMMON)
+def test_common_units_are_those_of_pint(kind: str) -> None:
+    si = Units(length="m", force="N", time="s").expression(kind)
+    for name, size in COMMON[kind].items():
+        assert unit_registry().Quantity(1.0, name).to(si).magnitude == pytest.approx(size, rel=1e-14)
+    common, other = Units(length="mm", force="kN", time="ms"), Units(length="millimeter", force="kN", time="ms")
+    for key, (most, least) in common.sizes.items():
+        assert other.sizes[key] == pytest.approx((most, least), rel=1e-12)
 
 
 @pytest.mark.parametrize("text", ["1 N·mm^-2", "1 N/mm²", "1 N*mm/mm^3", "1e6 Pa", "1 MPa", " 1.0MPa "])

@@ -138,7 +138,6 @@ def test_a_third_method_is_a_package_and_a_registration(tmp_path: Path, monkeypa
     fake_solver.install(monkeypatch)
     toy = Solver("toy", "Toy", "one square", ":", "toy_method:FakeSolver", "toy_method:FakeSolver", "toy_method:describe")
     monkeypatch.setitem(SOLVERS, "toy", toy)
-    monkeypatch.setitem(running.DISCRETISATIONS, "toy", running._builder(toy))
 
     case = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem").replace('"mpm"', '"toy"'))
     case.write_text(case.read_text() + '[runs.toy]\nsolver = "toy"\n')

@@ -286,13 +286,14 @@ def test_a_table_of_an_imported_run_is_checked(square: Case, table: str) -> None
         load_case(path, "quick")
 
 
-def test_judging_loads_no_solver_and_no_vtk(square: Case, tmp_path: Path) -> None:
+def test_judging_loads_no_solver_no_vtk_and_no_table_of_units(square: Case, tmp_path: Path) -> None:
     mine = written(tmp_path, csv(U, F))
     program = f"""
 import sys
 from verify import judge
 judge({str(square.source)!r}, {str(mine)!r}, tier="quick", out={str(tmp_path / "out")!r})
-heavy = ("scipy.sparse", "scipy.spatial", "scipy.optimize", "numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen")
+heavy = ("pint", "scipy.sparse", "scipy.spatial", "scipy.optimize")
+heavy += ("numba", "skfem", "vtkmodules", "pyvista", "meshio", "netgen")
 print([name for name in heavy if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=Path(__file__).parents[1])

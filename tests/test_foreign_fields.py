@@ -161,6 +161,9 @@ def test_a_result_with_fields_is_judged_with_its_crack(case: Case, tmp_path: Pat
     judged = judge(case, table, fields=tmp_path / "mine.pvd", arrays="damage = d", out=tmp_path / "out")
     checks = judged.checks.set_index("metric")
     assert checks["value"]["crack_length"].iloc[0] == pytest.approx(0.5, abs=0.05)
+    assert checks["value"]["fracture_energy"].iloc[0] > 0
+    (told,) = (remark for remark in judged.remarks if "integrated here over their cells" in remark)
+    assert told.startswith("At u = 0.01 its fields hold a fracture energy of") and "and a elastic" not in told
     page = judged.page.read_text(encoding="utf-8")
     assert 'id="phase-field"' in page and "could not be drawn" not in page
     for arrays in ("damage = X", "what", "cut = 5"):

@@ -8,12 +8,14 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from test_mesh_groups import ABAQUS, GMSH_2, GMSH_4
+from test_mesh_groups import ABAQUS, GMSH_2, GMSH_4, TABLES
 
+from cases import Case, case_from_tables
 from cases.errors import CaseError
 from cases.mesh_arrays import signed_areas
-from cases.mesh_files import mesh_outline, mesh_slits, read_mesh_file
+from cases.mesh_files import mesh_outline, mesh_slits, read_mesh_file, second_order_sentence
 from cases.mesh_groups import names_of_groups
+from verify.runs.running import DISCRETISATIONS, solver_records
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]], dtype=float)
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
@@ -63,6 +65,8 @@ def clockwise(inp: str) -> str:
 
 
 SECOND = np.vstack([POINTS[[0, 1, 4]], [[0.5, 0, 0], [1, 0.5, 0], [0.5, 0.5, 0]]])
+CURVED = SECOND + np.array([[0, 0, 0]] * 4 + [[0.1, 0, 0]] + [[0, 0, 0]])
+QUADS_8 = np.vstack([POINTS[[0, 2, 5, 3]], [[1, 0, 0], [2, 0.5, 0], [1, 1, 0], [0, 0.5, 0]]])
 # a slit along the lower half of x = 1: its mouth has two nodes, its end one
 SLIT = np.vstack([POINTS[:3], [[0, 0.5, 0], [1, 0.5, 0], [2, 0.5, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 0, 0]]])
 SLIT_CELLS = np.array([[0, 1, 4, 3], [9, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
@@ -88,6 +92,13 @@ GOOD: dict[str, tuple[Writer, float, float, list[str]]] = {
     "another z.vtk": (mesh([("quad", QUADS)], POINTS + np.array([0, 0, 7.0])), 2.0, 6.0, []),
     "slit of doubled nodes.vtu": (mesh([("quad", SLIT_CELLS)], SLIT), 2.0, 6.0, []),
     "medit.mesh": (mesh([("triangle", TRIANGLES)]), 2.0, 6.0, []),
+    "one clockwise.vtu": (mesh([("quad", np.array([[0, 1, 4, 3], [1, 4, 5, 2]]))]), 2.0, 6.0, []),
+    "second order triangle.vtu": (mesh([("triangle6", np.arange(6)[None])], SECOND), 0.5, 2.0 + 2**0.5, []),
+    "second order quad.vtu": (mesh([("quad8", np.arange(8)[None])], QUADS_8), 2.0, 6.0, []),
+    "second order beside first.vtu": (
+        mesh([("triangle", TRIANGLES[2:]), ("triangle6", np.array([[0, 1, 4, 6, 7, 8]]))],
+             np.vstack([POINTS, SECOND[3:]])), 1.5, 4.0 + 2**0.5, [],
+    ),
 }  # fmt: skip
 
 #: file -> how it is written, and what is said of it
@@ -99,13 +110,17 @@ BROKEN: dict[str, tuple[Writer, str]] = {
     "of no kind.xyz": (text("0 0 0\n"), "cannot be read"),
     "not a number.vtu": (mesh([("quad", QUADS)], moved(n4=[np.nan, 1, 0])), "1 nodes that are no finite numbers"),
     "mixed.vtu": (mesh([("quad", QUADS[:1]), ("triangle", TRIANGLES[2:])]), "triangles and quadrilaterals are mixed"),
-    "second order.vtu": (mesh([("triangle6", np.arange(6)[None])], SECOND), "elements of type triangle6"),
+    "curved edges.vtu": (mesh([("triangle6", np.arange(6)[None])], CURVED), "1 second-order elements have curved edges"),
+    "polygons.vtu": (mesh([("polygon", np.array([[0, 1, 2, 5, 4, 3]]))]), "elements of type polygon"),
     "tetrahedra.vtu": (mesh([TET], ABOVE), "elements of type tetra"),
     "only lines.vtu": (mesh([("line", QUADS[:, :2])]), "no triangles or quadrilaterals"),
     "curved.vtu": (mesh([("quad", QUADS)], moved(n4=[1, 1, 0.5])), "leaves the x-y plane"),
     "hanging node.vtu": (mesh([("quad", HANGING_CELLS)], HANGING), "a hanging node"),
-    "inverted.vtu": (mesh([("quad", np.array([[0, 1, 4, 3], [1, 4, 5, 2]]))]), "inverted or collapsed"),
-    "doubled cell.vtu": (mesh([("quad", QUADS[[0, 1, 1]])]), "more than two elements"),
+    "crossed.vtu": (mesh([("quad", np.array([[0, 1, 3, 4], [1, 2, 5, 4]]))]), "inverted or collapsed"),
+    "folded.vtu": (
+        mesh([("quad", QUADS)], moved(n2=[0.5, 0, 0], n5=[0.5, 1, 0])), "the same side of an edge near (1, 0.5)",
+    ),
+    "doubled cell.vtu": (mesh([("quad", QUADS[[0, 1, 1]])]), "on the same side of an edge"),
     "doubled nodes all along.vtu": (mesh([("quad", np.array([[0, 1, 4, 3], [6, 2, 5, 7]]))], APART), "into 2 parts"),
     "marked.inp": (text(b"\xef\xbb\xbf" + ABAQUS.encode()), "begins with a byte-order mark"),
     "instances.inp": (text("*Instance, name=a\n1.0, 0.0\n*End Instance\n" + ABAQUS), "instances of parts"),
@@ -133,6 +148,47 @@ def test_a_broken_file_is_one_sentence(name: str, tmp_path: Path) -> None:
         read_mesh_file(tmp_path / name)
     assert said in str(error.value)
     assert str(error.value).startswith(f"{tmp_path / name}: ") and "\n" not in str(error.value)
+
+
+def pulled(folder: Path, solver: str, *bodies: dict[str, str]) -> Case:
+    """Plates of two materials, or of one alone, from 0 to 2 and 0 to 1, pulled along y without contraction."""
+    named = {f"body{number}": body for number, body in enumerate(bodies)}
+    constraints = [*TABLES["constraints"][:2], {"on": "top", "direction": "y", "scale": 1}]
+    tables = {**TABLES, "bodies": named, "constraints": constraints}
+    return case_from_tables(tables, tier="standard", run=solver, source=folder / "case.toml")
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(
+    "name",
+    ["abaqus clockwise.inp", "one clockwise.vtu", "second order quad.vtu", "triangles with z = 0.vtu",
+     "unused nodes and lines.vtu", "slit of doubled nodes.vtu"],
+)  # fmt: skip
+def test_both_solvers_take_it(name: str, solver: str, tmp_path: Path) -> None:
+    GOOD[name][0](tmp_path / name)
+    case = pulled(tmp_path, solver, {"material": "hard", "mesh": name})
+    *_, last = solver_records(DISCRETISATIONS[solver](case), case)
+    assert pytest.approx(2.0 * 210.0 * 0.001, rel=1e-3) == last.F
+    told = ["second order quad.vtu: 1 elements of second order are taken by their corners."]
+    assert case.mesh_remarks == (told if name.startswith("second") else [])
+
+
+#: the glue of the file of groups as triangles, beside a quadrilateral of steel
+MIXED = GMSH_2.replace("$Elements\n4\n", "$Elements\n5\n").replace(
+    "4 3 2 3 2 2 3 6 5\n", "4 2 2 3 2 2 3 6\n5 2 2 3 2 2 6 5\n"
+)
+
+
+def test_groups_of_triangles_and_of_quadrilaterals_are_for_material_points_alone(tmp_path: Path) -> None:
+    (tmp_path / "mixed.msh").write_text(MIXED)
+    made_of = (("hard", "steel"), ("soft", "glue"))
+    bodies = [{"material": name, "mesh": "mixed.msh", "group": group} for name, group in made_of]
+    case = pulled(tmp_path, "mpm", *bodies)
+    *_, last = solver_records(DISCRETISATIONS["mpm"](case), case)
+    assert pytest.approx(0.231, rel=1e-3) == last.F
+    with pytest.raises(CaseError, match="body0, body1 mix triangles and quadrilaterals; mesh the file with triangles"):
+        DISCRETISATIONS["fem"](pulled(tmp_path, "fem", *bodies))
+    assert second_order_sentence(tmp_path / "mixed.msh") == ""
 
 
 def test_xdmf_is_read_where_its_library_is_there(tmp_path: Path) -> None:

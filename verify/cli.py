@@ -18,9 +18,10 @@ from rich.table import Table
 from rich.text import Text
 
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
+from cases.errors import BrokenRuleError
 from cases.judging import TIERS
 from cases.loader import LIBRARY
-from cases.solvers import SOLVERS
+from cases.solvers import SOLVERS, installed, register
 from numerics.status import RunStatus
 from verify.extras import missing_extra
 from verify.judging.acceptance import accept
@@ -162,6 +163,11 @@ def list_command(
 
 def _solver_table() -> Table:
     table = Table("solver", "title", "from", "gives")
+    for name in installed():
+        try:
+            register(name)
+        except BrokenRuleError as error:
+            table.add_row(name, error.text, "", error.remedy)
     for name, solver in SOLVERS.items():
         home = (solver.table or solver.quasi_static or solver.dynamic).partition(":")[0]
         table.add_row(name, solver.title, home, "a table" if solver.table else "fields")
@@ -180,7 +186,7 @@ def validate(cases: OptionalCases = None) -> None:
             checks_of(load_case(case.source, tier))
         named = ((tier, run) for tier in TIERS for run in load_case(case.source, tier).expanded_runs())
         found = refusals(load_case(case.source, tier, run) for tier, run in named)
-        for sentence in (found.sentences or [f"{case.name}: valid{found.note}"]) + found.needs:
+        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *case.mesh_remarks]) + found.needs:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:

@@ -121,7 +121,7 @@ class PointBasis:
         Torn material (c -> 0) keeps its own.
         """
         positions = self._positions
-        if not self._case.mpm.fill_cells:
+        if not self._case.mpm.fill_cells or self._case.mpm.placement == "mesh":
             return np.ones(len(positions)), positions
         stretches = deformation[:, [0, 1], [0, 1]]
         lower = positions + stretches * self.cloud.corner

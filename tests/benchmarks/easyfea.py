@@ -1,4 +1,4 @@
-"""The finite element reference beside EasyFEA (pip install EasyFEA), in one process, on one mesh and in turn.
+"""The finite element reference beside EasyFEA (pip install '.[easyfea]'), in one process, on one mesh and in turn.
 
     python tests/benchmarks/easyfea.py                   # seconds per staggered iteration, same mesh and iterations
     python tests/benchmarks/easyfea.py --answer          # seconds until the load falls: EasyFEA converged on uniform

@@ -119,7 +119,8 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
     summary = summarise([written], case.tier, out)
     entry = summary["cases"][0]
     entry["command"] = _command(case, named)
-    entry["remarks"] = [*remarks(written, imported, out), *about_kept]
+    told = [*energy_remarks(written, imported, out), *imported.info.get("remarks", [])]
+    entry["remarks"] = [*remarks(written, imported, out), *told, *about_kept]
     write_summary(summary, out)
     return Judgement(entry, out, imported)
 
@@ -306,6 +307,35 @@ def remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
     return [_remark(case, ratio, name, abs(peak_force(curve) / peak_force(expected)) - 1.0)]
 
 
+def energy_remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
+    """The energies that its last fields hold by our integration, beside those of the first kept run at that u."""
+    told = imported.history[imported.history[["E_el", "E_frac"]].notna().any(axis=1)]
+    if case.dynamics or len(told) in (0, len(imported.history)):
+        return []
+    state, said = told.iloc[-1], []
+    kept = next((RunFolder(folder) for folder in _kept_folders(case, out)), None)
+    for name, kind in (("E_frac", "a fracture"), ("E_el", "an elastic")):
+        if np.isfinite(state[name]):
+            ours = "" if kept is None else _beside(kept, name, state)
+            said.append(f"{kind} energy of {state[name]:.4g} {case.unit('energy')}{ours}")
+    return [f"At u = {state['u']:.4g} its fields hold {' and '.join(said)}, integrated here over their cells."]
+
+
+def _beside(kept: RunFolder, name: str, state: pd.Series) -> str:
+    """What a kept run has of an energy at the u of a state, where it went so far and has any."""
+    u, energy = (kept.history[column].to_numpy(dtype=float) for column in ("u", name))
+    if not u.min() <= state["u"] <= u.max():
+        return f" ({kept.info['run']} ends at u = {u[-1]:.4g})"
+    order = np.argsort(u, kind="stable")
+    ours = float(np.interp(state["u"], u[order], energy[order]))
+    return f" ({state[name] / ours:.3f} times that of {kept.info['run']})" if ours > 0 else ""
+
+
+def _kept_folders(case: Case, out: Path) -> list[Path]:
+    folders = (out / "runs" / case.name / case.tier / name for name in main_runs(case))
+    return [folder for folder in folders if folder.is_dir()]
+
+
 def _elastic_slope(curve: Curve) -> float:
     """Slope of the first branch between a tenth and two fifths of the way to the peak, where readings are surest."""
     end = peak_index(curve)
@@ -317,10 +347,8 @@ def _elastic_slope(curve: Curve) -> float:
 
 def _expected(case: Case, out: Path) -> tuple[str, Curve]:
     """The first kept run's curve, or the first published one."""
-    for name in main_runs(case):
-        folder = out / "runs" / case.name / case.tier / name
-        if folder.is_dir():
-            return name, Curve.from_history(RunFolder(folder).history, name)
+    for folder in _kept_folders(case, out):
+        return folder.name, Curve.from_history(RunFolder(folder).history, folder.name)
     for name, reference in case.references.items():
         if reference.curve:
             return name, reference_curve(case, name)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from verify.metrics import curves
 from verify.metrics.curves import Array, Curve
-from verify.metrics.metric import MetricError, history_column, metric, run_name
+from verify.metrics.metric import MetricError, NotGivenError, history_column, metric, run_name, whole_column
 
 if TYPE_CHECKING:
     from verify.metrics.metric import RunData
@@ -74,7 +74,7 @@ def fracture_energy(run: RunData) -> float:
 @metric("energy", "fracture energy since a time")
 def fracture_energy_gain(run: RunData, *, after: float = 0.0, until: float = np.inf) -> float:
     """Fracture energy that came between two times, without that of notches of broken material."""
-    time, energy = history_column(run, "time"), history_column(run, "E_frac")
+    time, energy = history_column(run, "time"), whole_column(run, "E_frac")
     first, last = np.interp([after, min(until, time[-1])], time, energy)
     return float(last - first)
 
@@ -89,7 +89,7 @@ def energy_balance(run: RunData, *, at: str = "peak") -> float:
     if at not in ("peak", "end"):
         raise MetricError(f"metric energy_balance: at = {at!r} is not known; give 'peak' or 'end'")
     row = curves.peak_index(curve_of(run)) if at == "peak" else -1
-    work, elastic, kinetic, _ = (history_column(run, name) for name in ("W_ext", "E_el", "E_kin", "E_frac"))
+    work, elastic, kinetic, _ = (whole_column(run, name) for name in ("W_ext", "E_el", "E_kin", "E_frac"))
     scale = max(abs(work[row] - work[0]), elastic[0] + kinetic[0])
     return abs(missing_energy(run.history)[row]) / scale if scale else float("nan")
 
@@ -104,7 +104,7 @@ def missing_energy(history: Any) -> NDArray:
 @metric("number", "least phase field of the whole run")
 def least_phase_field(run: RunData) -> float:
     """Smallest value that any point had in any row."""
-    return float(history_column(run, "c_min").min())
+    return float(np.nanmin(history_column(run, "c_min")))
 
 
 @metric("toughness", "growth of the fracture energy with u, over the thickness")
@@ -113,7 +113,7 @@ def fracture_energy_rate(run: RunData, *, share: float = 0.5) -> float:
 
     This is the toughness where u is the position of the crack tip.
     """
-    u, energy = history_column(run, "u"), history_column(run, "E_frac")
+    u, energy = history_column(run, "u"), whole_column(run, "E_frac")
     last = np.abs(u - u[-1]) <= share * abs(u[-1] - u[0])
     if np.ptp(u[last]) == 0:
         raise MetricError("metric fracture_energy_rate: one increment is no slope; refine the load")
@@ -121,7 +121,10 @@ def fracture_energy_rate(run: RunData, *, share: float = 0.5) -> float:
 
 
 def _last(run: RunData, name: str) -> float:
-    return float(history_column(run, name)[-1])
+    value = float(history_column(run, name)[-1])
+    if np.isnan(value):
+        raise NotGivenError(f"{run_name(run)}: its history has no {name} in its last row")
+    return value
 
 
 # --- two runs -------------------------------------------------------------------------------------

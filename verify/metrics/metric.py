@@ -149,3 +149,11 @@ def history_column(run: RunData, name: str) -> np.ndarray:
         known = ", ".join(str(column) for column in run.history if run.history[column].notna().any())
         raise NotGivenError(f"{run_name(run)}: its history has no values of {name}; it has {known or 'no rows'}")
     return run.history[name].to_numpy(dtype=float)
+
+
+def whole_column(run: RunData, name: str) -> np.ndarray:
+    """A column (n,) of the run's history with a number in each row; NotGivenError where some row has none."""
+    values = history_column(run, name)
+    if missing := int(np.isnan(values).sum()):
+        raise NotGivenError(f"{run_name(run)}: its history has no {name} in {missing} of {len(values)} rows")
+    return values

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.exact_motion import bar_period, contact_half_width, pressure_wave_speed
-from verify.metrics.metric import MetricError, NotGivenError, history_column, metric, run_name
+from verify.metrics.metric import MetricError, NotGivenError, history_column, metric, run_name, whole_column
 
 if TYPE_CHECKING:
     from verify.metrics.metric import RunData
@@ -44,7 +44,7 @@ def period_error(run: RunData) -> float:
 
 def energy(run: RunData) -> NDArray:
     """Strain, fracture and kinetic energy less the external work and that of friction (n,)."""
-    held = sum(history_column(run, name) for name in ("E_el", "E_frac", "E_kin"))
+    held = sum(whole_column(run, name) for name in ("E_el", "E_frac", "E_kin"))
     return held - history_column(run, "W_ext") - history_column(run, "W_contact")  # type: ignore[no-any-return]
 
 

@@ -64,8 +64,15 @@ def _home(solver: Solver, case: Case) -> tuple[str, str]:
     return module, name
 
 
+class _Discretisations(dict[str, Callable[[Case], ObservedDiscretisation]]):
+    """Those of solvers that other packages register are made when they are asked for."""
+
+    def __missing__(self, name: str) -> Callable[[Case], ObservedDiscretisation]:
+        return self.setdefault(name, _builder(SOLVERS[name]))
+
+
 #: name of a solver -> what makes its discretisation of a case
-DISCRETISATIONS = {name: _builder(solver) for name, solver in SOLVERS.items() if not solver.table}
+DISCRETISATIONS = _Discretisations()
 
 
 def solver_records(discretisation: Any, case: Case, after: Any = None) -> "Iterator[Record]":
@@ -164,8 +171,10 @@ def tabulate(case: Case, run_name: str, folder: Path) -> RunFolder:
         table, path, states, *_ = (*made, {}) if isinstance(made, tuple) else (made, path, {})
         table = history_of(table, case)
         path = _traced(states, case) if len(path) == 0 else path
-        for row, state in states.items() if table["c_min"].isna().all() else ():
-            table.loc[row, "c_min"] = state.grid_phase_field.min()
+        if states:
+            from verify.runs.field_energies import complete
+
+            info["remarks"] = complete(table, states, case)
     except UserError:
         raise
     except ModuleNotFoundError as error:

@@ -1,6 +1,6 @@
 """Keep EasyFEA's result of a library case beside it as ``easyfea.csv``, a curve that its checks refer to.
 
-    python examples/easyfea_solver/keep.py sen_tension quick
+    python tests/benchmarks/keep_easyfea.py sen_tension quick
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from pathlib import Path
 from cases import load_case
 from cases.copies import write_copy
 from cases.loader import read_tables
-from cases.solvers import SOLVERS
 from verify import RunFolder, run
 from verify.runs.atomic import write_text
 from verify.runs.kept import reduced
@@ -21,9 +20,6 @@ from verify.runs.kept import reduced
 
 def solved(name: str, tier: str, out: Path) -> RunFolder:
     """The run of a case by EasyFEA under ``out``, of a copy of the case that names it."""
-    import easyfea_solver
-
-    SOLVERS.setdefault("easyfea", easyfea_solver.SOLVER)
     case = load_case(name, tier)
     tables = read_tables(case.source)
     tables["runs"] = {**tables["runs"], "easyfea": {"solver": "easyfea"}}
@@ -35,7 +31,7 @@ def keep(name: str, tier: str, made: RunFolder) -> Path:
     history = made.history[["u", "F"]].copy()
     kept = reduced(history.assign(step=range(len(history))))[["u", "F"]]
     head = (
-        f"# EasyFEA {version('EasyFEA')} by examples/easyfea_solver on the mesh of our finite elements, tier {tier}\n"
+        f"# EasyFEA {version('EasyFEA')} by verify/runs/easyfea.py on the mesh of our finite elements, tier {tier}\n"
         f"# version {made.info['code_version']}, {date.today()}, {made.info['processor']},"
         f" {len(kept)} of {len(history)} rows\n"
     )

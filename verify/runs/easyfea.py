@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from cases import Case
 from cases.errors import CaseError
-from cases.solvers import Solver
+from cases.material import Fracture
 from fem_reference.mesh.build import build_mesh
 from verify.runs.foreign_fields import fields_on_mesh
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from numerics.fields import Fields
 
-#: what the entry point of the group "fracture_verify.solvers" names
-SOLVER = Solver("easyfea", "EasyFEA", "EasyFEA's mesh", (0, (5, 1, 1, 1)), table="easyfea_solver:solve")
 #: our splits by EasyFEA's names
 SPLITS = {"none": "Bourdin", "spectral": "Miehe", "volumetric": "Amor"}
 #: largest change of the damage between two staggered iterations that have converged, and how many there may be
@@ -55,13 +53,24 @@ def _require_known(case: Case) -> None:
         "more than one material": len(fractures) != 1 or fractures[0] is None,
         "notches of kind history": any(notch.kind == "history" for notch in case.all_notches),
         "constraints of motion or tied": any(c.motion or c.tied for c in case.constraints),
+        "tractions, body forces or eigenstrains": bool(case.tractions or case.body_forces or case.eigenstrains),
+        "anisotropic stiffness": any(material.is_anisotropic for material in case.materials.values()),
+        "functional AT1": any(fracture and fracture.functional == "AT1" for fracture in fractures),
+        "geometry that moves": case.mesh.geometry == "updated",
     }
     for what in (what for what, there in unknown.items() if there):
         raise CaseError(f"{case.source}: EasyFEA's adapter knows no {what}; take another solver for this run.")
-    assert fractures[0] is not None
-    if fractures[0].split not in SPLITS or fractures[0].order != 2:
+    fracture = _fracture(case)
+    if fracture.split not in SPLITS or fracture.order != 2:
         remedy = f"take one of {', '.join(SPLITS)} of second order"
-        raise CaseError(f"{case.source}: fracture.split = {fractures[0].split!r}: EasyFEA's adapter lacks it; {remedy}.")
+        raise CaseError(f"{case.source}: fracture.split = {fracture.split!r}: EasyFEA's adapter lacks it; {remedy}.")
+
+
+def _fracture(case: Case) -> Fracture:
+    """That of the one material."""
+    (material,) = case.materials.values()
+    assert material.fracture is not None
+    return material.fracture
 
 
 class Model:
@@ -76,10 +85,9 @@ class Model:
         kind = ElemType.QUAD4 if self.cells.shape[1] == 4 else ElemType.TRI3
         group = GroupElemFactory.Create(kind, self.cells, np.column_stack([self.points, np.zeros(len(self.points))]))
         (material,) = case.materials.values()
-        fracture, stress = material.fracture, case.plane.assumption == "stress"
-        law = Models.Elastic.Isotropic(
-            2, E=material.young, v=material.poisson, planeStress=stress, thickness=case.plane.thickness
-        )
+        fracture, stress = _fracture(case), case.plane.assumption == "stress"
+        young, poisson = material.young_modulus, material.poisson_ratio
+        law = Models.Elastic.Isotropic(2, E=young, v=poisson, planeStress=stress, thickness=case.plane.thickness)
         # its length is that of d² / (2 l) + l |grad d|² / 2
         broken = Models.PhaseField(law, SPLITS[fracture.split], "AT2", fracture.toughness, 2.0 * fracture.length_scale)
         self.simulation: Any = Simulations.PhaseField(Mesh({kind: group}), broken)
@@ -93,7 +101,7 @@ class Model:
         simulation.Bc_Init()
         for constraint, nodes in self.held:
             if constraint.direction == "phase":
-                simulation.add_dirichlet(nodes, [1.0 - constraint.value], ["d"], problemType=kinds.damage)
+                simulation.add_dirichlet(nodes, [1.0 - (constraint.value or 0.0)], ["d"], problemType=kinds.damage)
             else:
                 value = constraint.value if constraint.scale is None else constraint.scale * u
                 simulation.add_dirichlet(nodes, [value], [constraint.direction], problemType=kinds.elastic)
@@ -117,7 +125,7 @@ class Model:
         stiffness = self.simulation.Get_K_C_M_F(self.simulation.ProblemTypes.elastic)[0]
         internal = stiffness @ self.simulation.displacement
         of_load = ((c, n) for c, n in self.held if c.scale is not None)
-        force = sum(c.scale * internal[2 * nodes + "xy".index(c.direction)].sum() for c, nodes in of_load)
+        force = sum(c.scale * internal[2 * nodes + "xy".index(str(c.direction))].sum() for c, nodes in of_load)
         energy = 0.5 * float(internal @ self.simulation.displacement)
         return {"u": u, "F": float(force), "E_el": energy, "c_min": 1.0 - float(self.simulation.damage.max())}
 
@@ -127,7 +135,7 @@ class Model:
         old = self.points[before >= BROKEN]
         if not len(new):
             return 0.0
-        return float(cKDTree(old if len(old) else new.mean(axis=0, keepdims=True)).query(new)[0].max())
+        return float(np.max(cKDTree(old if len(old) else new.mean(axis=0, keepdims=True)).query(new)[0]))
 
     def fields(self) -> Fields:
         """The fields as they are."""
@@ -137,8 +145,7 @@ class Model:
 
 def _march(model: Model, case: Case) -> list[dict[str, float]]:
     """Increments along the load's path, halved where the crack advances too far or nothing converges."""
-    load, (material,) = case.load, case.materials.values()
-    farthest = load.largest_advance * material.fracture.length_scale
+    load, farthest = case.load, case.load.largest_advance * _fracture(case).length_scale
     rows, u, increment = [{"u": load.path[0], "F": 0.0, "E_el": 0.0, "c_min": 1.0}], load.path[0], load.increment
     for target in load.path[1:]:
         while abs(target - u) > 1e-9 * abs(load.increment):
