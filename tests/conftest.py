@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from cases import Case, case_from_tables
+from reports.report import SECTIONS
 
 LIBRARY = Path(__file__).parents[1] / "cases" / "library"
 
@@ -33,3 +34,9 @@ def variant() -> Callable[..., Case]:
         return case_from_tables(plain, tier="standard", run=run, name=name, source=source)
 
     return build
+
+
+@pytest.fixture
+def few_sections(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of pages, the first sections alone are drawn."""
+    monkeypatch.setattr("reports.report.SECTIONS", SECTIONS[:3])
