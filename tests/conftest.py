@@ -31,7 +31,7 @@ def no_waiting_for_the_disk() -> Iterator[None]:
         yield
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def variant() -> Callable[..., Case]:
     """Builder of a library case with other tables: ``variant("sen_tension", mesh={"h": 0.05})``."""
 
