@@ -114,11 +114,8 @@ class Units(Table):
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """`SIZES` in the units of the case."""
-        return {kind: (most / self._in_si(kind), least / self._in_si(kind)) for kind, (most, least) in SIZES.items()}
-
-    def _in_si(self, kind: str) -> float:
-        """The unit of a kind of quantity in SI units."""
-        return float(unit_registry().Quantity(1.0, self.expression(kind)).to_base_units().magnitude)
+        ones = {kind: _in_si(self.expression(kind)) for kind in SIZES}
+        return {kind: (most / ones[kind], least / ones[kind]) for kind, (most, least) in SIZES.items()}
 
     def convert(self, text: str, kind: str) -> float:
         """Number in the units of the case for a string such as "210 GPa".
@@ -139,6 +136,12 @@ class Units(Table):
             raise BrokenRuleError(f"is not a quantity of {kind}", remedy, value=text) from None
         except Exception:  # pint raises many kinds of error for a malformed unit, some of them Python's own
             raise BrokenRuleError("has an unknown unit", remedy, value=text) from None
+
+
+@cache
+def _in_si(expression: str) -> float:
+    """A unit in SI units."""
+    return float(unit_registry().Quantity(1.0, expression).to_base_units().magnitude)
 
 
 def _power(name: str, power: int) -> str:

@@ -16,8 +16,8 @@ BLUNT = {"steel": {"fracture": {"length_scale": 0.03, "residual_stiffness": 1e-6
 LOAD = {"path": [0.0, 0.012], "increment": 1e-3, "smallest": 1e-4}
 
 
-def case_of(variant, fine, follow, load=LOAD):
-    mesh = {"h": 0.03, "coarse": 0.1, "fine": fine, "follow_crack": follow}
+def case_of(variant, fine, follow, h=0.03, load=LOAD):
+    mesh = {"h": h, "coarse": 0.1, "fine": fine, "follow_crack": follow}
     return variant("sen_tension", mesh=mesh, materials=BLUNT, load=load, staggered={"tolerance": 1e-3})
 
 
@@ -49,7 +49,7 @@ def test_a_small_fine_box_grows_with_the_crack(variant, following, solver):
 @pytest.mark.parametrize("solver", [FiniteElements, MaterialPoints])
 def test_a_first_state_that_breaks_has_fine_cells_too(variant, solver):
     def first(fine, follow):
-        case = case_of(variant, fine, follow, {"path": [0.007], "adaptive": False})
+        case = case_of(variant, fine, follow, 0.02, {"path": [0.007], "adaptive": False})
         following = FollowingDiscretisation(solver, case) if follow else solver(case)
         return next(increments(following, case)), following.costs.count["refinements"]
 
