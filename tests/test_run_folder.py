@@ -278,8 +278,8 @@ def two_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("two")
     with pytest.MonkeyPatch.context() as monkeypatch:
         path = np.array([[0.0, 0.5], [0.3, 0.6]])
-        monkeypatch.setattr("verify.metrics.crack_path.crack_path", lambda *_: path)
         fake_solver.install(monkeypatch, mpm_factor=2.0)
+        monkeypatch.setattr("verify.metrics.crack_path.crack_path", lambda *_: path)
         case_file = fake_solver.write_case(out / "square")
         run(case_file, "fem", "quick", out)
         monkeypatch.setattr(fake_solver.FakeSolver, "fields", _other_fields(fake_solver.FakeSolver.fields))
