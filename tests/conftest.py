@@ -47,5 +47,6 @@ def variant() -> Callable[..., Case]:
 
 @pytest.fixture
 def few_sections(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of pages, the first sections alone are drawn."""
+    """Of pages, the first sections alone are drawn, and the studies that the library has on record are not."""
+    monkeypatch.setattr("reports.overview.studied_cases", lambda *_: [])
     monkeypatch.setattr("reports.report.SECTIONS", SECTIONS[:3])

@@ -147,7 +147,7 @@ def test_a_missing_run_and_a_damaged_case_are_said(
     assert (out / "figures" / "notched-standard" / "load-displacement.svg").exists()
 
 
-def test_an_empty_summary_and_none_at_all(tmp_path: Path) -> None:
+def test_an_empty_summary_and_none_at_all(tmp_path: Path, few_sections: None) -> None:
     with pytest.raises(FileNotFoundError, match="verify compare"):
         write_report(tmp_path)
     summary = {"version": "1", "created": "now", "tier": "quick", "cases": []}
