@@ -63,7 +63,7 @@ charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS)
 
 test: .venv/developed ## run the tests
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --durations=20
 
 lint: .venv/developed ## style, types and the import contract
 	$(BIN)/ruff check .

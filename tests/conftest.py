@@ -1,14 +1,16 @@
 """Small cases shared by the tests of the solvers."""
 
 import copy
+import os
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cases import Case, case_from_tables
+from reports.report import SECTIONS
 
 LIBRARY = Path(__file__).parents[1] / "cases" / "library"
 
@@ -21,7 +23,15 @@ def merged(tables: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-@pytest.fixture
+@pytest.fixture(scope="session", autouse=True)
+def no_waiting_for_the_disk() -> Iterator[None]:
+    """Files are not flushed to the disk, which guards against a cut of power that no test makes."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(os, "fsync", lambda _: None)
+        yield
+
+
+@pytest.fixture(scope="session")
 def variant() -> Callable[..., Case]:
     """Builder of a library case with other tables: ``variant("sen_tension", mesh={"h": 0.05})``."""
 
@@ -33,3 +43,10 @@ def variant() -> Callable[..., Case]:
         return case_from_tables(plain, tier="standard", run=run, name=name, source=source)
 
     return build
+
+
+@pytest.fixture
+def few_sections(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of pages, the first sections alone are drawn, and the studies that the library has on record are not."""
+    monkeypatch.setattr("reports.overview.studied_cases", lambda *_: [])
+    monkeypatch.setattr("reports.report.SECTIONS", SECTIONS[:3])

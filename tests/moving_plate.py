@@ -44,6 +44,10 @@ FIBRES = (
 )
 
 
+#: as high, so that the waves are the same, and shorter
+SHORTER = PLATE.replace("[30.0, 20.0]", "[20.0, 20.0]")
+
+
 def of_fourth_order(gamma: str) -> str:
     """The plate above with a fracture energy that has a direction."""
     return PLATE.replace("length_scale = 0.5", f"length_scale = 0.5, {gamma}")

@@ -50,7 +50,9 @@ def test_compare_exits_by_the_verdict(
     assert verdict in capsys.readouterr().out
 
 
-def test_several_cases_are_run_judged_and_reported_together(tmp_path: Path, options: tuple[str, ...]) -> None:
+def test_several_cases_are_run_judged_and_reported_together(
+    tmp_path: Path, options: tuple[str, ...], few_sections: None
+) -> None:
     cases = [fake_solver.write_case(tmp_path / name, fake_solver.check("fem", 0.03)) for name in ("one", "other")]
     for command in (("validate",), ("plan", *options)):
         assert verify(command[0], *cases, *command[1:]) == 0

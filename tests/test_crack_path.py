@@ -16,7 +16,7 @@ from verify.metrics.crack_path import (
     trace_crack,
 )
 
-H = 1 / 60
+H = 1 / 40
 S = np.linspace(0.0, 1.0, 31)
 LINES = {
     "straight": np.array([[0.2, 0.503], [0.8, 0.503]]),
@@ -51,15 +51,15 @@ def gauss_points(edges=None):
     return lattice(np.sort(np.concatenate([middle - half / np.sqrt(3), middle + half / np.sqrt(3)])))
 
 
-def random_points(seed=0):
-    n = round(1 / H)
+def random_points(seed=0, h=H):
+    n = round(1 / h)
     cells = lattice(np.arange(n))[:, None, :]
-    return ((cells + np.random.default_rng(seed).random((n * n, 4, 2))) * H).reshape(-1, 2)
+    return ((cells + np.random.default_rng(seed).random((n * n, 4, 2))) * h).reshape(-1, 2)
 
 
 POINTS = {
     "gauss": gauss_points(),
-    "regular": lattice((np.arange(120) + 0.5) * H / 2),
+    "regular": lattice((np.arange(80) + 0.5) * H / 2),
     "random": random_points(),
 }
 
@@ -82,10 +82,12 @@ def test_a_path_beside_the_crack_would_not_pass():
     assert mean_distance(line + np.array([0.0, 0.15 * H]), line) > 0.1 * H
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", range(1, 4))
 def test_wide_crack_on_random_points(seed):
-    points, line = random_points(seed), LINES["kinked"]
-    assert mean_distance(trace_crack(points, profile(points, line, l0=4 * H), H).points, line) < 0.1 * H
+    """On smaller cells, so that its width stays small beside its length."""
+    h, line = 1 / 60, LINES["kinked"]
+    points = random_points(seed, h)
+    assert mean_distance(trace_crack(points, profile(points, line, l0=4 * h), h).points, line) < 0.1 * h
 
 
 def test_without_a_start_the_path_runs_with_x():

@@ -131,7 +131,9 @@ def test_every_run_of_the_library_is_described(name: str) -> None:
         assert (said.stable_step is None) == (case.dynamics is None)
 
 
-def test_a_third_method_is_a_package_and_a_registration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_third_method_is_a_package_and_a_registration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, few_sections: None
+) -> None:
     (tmp_path / "toy_method").mkdir()
     (tmp_path / "toy_method" / "__init__.py").write_text(TOY)
     monkeypatch.syspath_prepend(str(tmp_path))

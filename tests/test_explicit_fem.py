@@ -6,7 +6,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from moving_plate import MOVING, PLATE, PULLED, STILL, all_steps, check_window, plate_case, run_to
+from moving_plate import MOVING, PLATE, PULLED, SHORTER, STILL, all_steps, check_window, plate_case, run_to
 
 from cases import CaseError, load_case
 from fem_reference import ExplicitFiniteElements, FiniteElements
@@ -152,7 +152,7 @@ def test_elements_that_are_ten_times_the_length_scale_are_solved_on_with_their_n
 
 def fracture_energy(tmp_path: Path, share: float, passes: int) -> float:
     moving = MOVING.replace("time_step_share = 0.8", f"time_step_share = {share}").replace("16.0", "12.0")
-    texts = (PLATE, moving, PULLED)
+    texts = (SHORTER, moving, PULLED)
     body = ExplicitFiniteElements(plate_case(tmp_path, *texts, run="fem", passes=passes, tolerance=1e-4))
     start = body.balance().fracture
     run_to(body, 0, all_steps(body))

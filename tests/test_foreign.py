@@ -1,11 +1,13 @@
 """Results from elsewhere: mapped, kept, judged; what they lack is said, what is wrong in them is one sentence."""
 
 import json
-import os
+import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import fake_solver
 import numpy as np
@@ -22,7 +24,9 @@ from verify import judge
 from verify.cli import main
 from verify.judging.acceptance import accept
 from verify.judging.archive import METADATA, ArchiveError, Imported, read_archive, write_archive
+from verify.judging.foreign import ForeignResult, Judgement, judge_foreign
 from verify.judging.summary import compare
+from verify.pytest_plugin import FractureCase
 from verify.runs import running
 from verify.runs.importing import ImportedError, history_of, mapped, read_table
 from verify.runs.kept import main_runs, read_kept, reduced, restore
@@ -32,18 +36,32 @@ U = np.linspace(0.0, 0.01, 21)
 F = 100.0 * np.maximum(0.0, np.minimum(U, 0.005 - (U - 0.005) * 5 / 3))
 
 
-@pytest.fixture
-def square(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Case:
-    """The softening square with kept results of both stand-ins, whose peak is 0.5 kN, and no solver any more."""
-    monkeypatch.setattr(running, "code_version", lambda: "0.1.0+abc1234")
-    with monkeypatch.context() as solving:
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The softening square with kept results of both stand-ins, whose peak is 0.5 kN, and the runs that they are of."""
+    folder = tmp_path_factory.mktemp("kept")
+    with pytest.MonkeyPatch.context() as solving:
+        solving.setattr(running, "code_version", lambda: "0.1.0+abc1234")
         fake_solver.install(solving, mpm_factor=1.005)
-        path = fake_solver.write_case(tmp_path / "square", fake_solver.check("fem", 0.02))
+        path = fake_solver.write_case(folder / "square", fake_solver.check("fem", 0.02))
         case = load_case(path, "quick")
         for name in main_runs(case):
-            run(path, name, "quick", tmp_path / "made")
-        accept(case, "first values", tmp_path / "made")
-    return load_case(path, "quick")
+            run(path, name, "quick", folder / "made")
+        accept(case, "first values", folder / "made")
+    return folder
+
+
+@pytest.fixture
+def square(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Case:
+    """A copy of the softening square with its kept results, and no solver any more."""
+    monkeypatch.setattr(running, "code_version", lambda: "0.1.0+abc1234")
+    shutil.copytree(kept, tmp_path, dirs_exist_ok=True)
+    return load_case(tmp_path / "square" / "case.toml", "quick")
+
+
+def judged_without_page(case: Case, u: np.ndarray, F: np.ndarray, folder: Path, **others: Any) -> Judgement:
+    """The judgement alone, as `judge` has it; a page takes seconds to draw."""
+    return judge_foreign(case, ForeignResult(pd.DataFrame({"u": u, "F": F}), **others), folder / "out")
 
 
 def written(folder: Path, text: str, name: str = "mine.csv") -> Path:
@@ -177,7 +195,7 @@ def test_a_kept_result_of_another_version_of_the_case_is_no_reference(square: Ca
 def test_without_kept_results_the_published_ones_are_left(square: Case, tmp_path: Path) -> None:
     reference = '[references.paper]\nkind = "table"\nsource = "Somebody"\nvalues = { peak_force = 0.5 }\n'
     path = fake_solver.write_case(tmp_path / "other", reference, fake_solver.check("reference:paper", 0.1))
-    judged = judge(load_case(path, "quick"), pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    judged = judged_without_page(load_case(path, "quick"), U, F, tmp_path)
     assert judged.verdict == "PASS"
     assert "No result of run fem is kept for tier quick." in judged.remarks
 
@@ -187,20 +205,19 @@ def test_without_kept_results_the_published_ones_are_left(square: Case, tmp_path
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.0, "PASS"), (1.1, "FAIL")])
 def test_a_result_is_judged_against_both_solvers(square: Case, tmp_path: Path, factor: float, verdict: str) -> None:
-    judged = judge(square, pd.DataFrame({"u": U, "F": factor * F}), out=tmp_path / "out")
+    judged = judged_without_page(square, U, factor * F, tmp_path)
     assert judged.verdict == verdict
-    assert judged.page is not None and judged.page.is_file()
     gated = judged.checks[judged.checks["verdict"] != "INFO"]
     assert gated[["metric", "against"]].to_numpy().tolist() == [["peak_force", "fem"], ["peak_force", "mpm"]]
     assert gated["error"].iloc[0] == pytest.approx(factor - 1.0, abs=1e-5)
 
 
 def test_a_metric_that_the_data_do_not_allow_is_a_sentence_and_no_failure(square: Case, tmp_path: Path) -> None:
-    judged = judge(square, pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    judged = judged_without_page(square, U, F, tmp_path)
     notes = judged.checks.set_index("metric")["note"]
     assert "has no values of E_frac; it has" in notes["fracture_energy"].iloc[0]
     assert "came without a crack path" in notes["crack_length"].iloc[0]
-    with_path = judge(square, pd.DataFrame({"u": U, "F": F}), crack_path=np.array([[0, 0], [1, 0]]), out=tmp_path / "out")
+    with_path = judged_without_page(square, U, F, tmp_path, crack_path=np.array([[0, 0], [1, 0]]))
     assert with_path.checks.set_index("metric")["value"]["crack_length"].iloc[0] == 1.0
 
 
@@ -211,10 +228,10 @@ def test_a_result_that_does_not_unload_is_held_against_the_first_branch(square: 
     last = kept.history.iloc[-1]
     back = f"99,{last['time'] + 1},0.002,0.1,0,0,0,0,0\n"
     file.write_text(file.read_text(encoding="utf-8") + back, encoding="utf-8")
-    judged = judge(square, pd.DataFrame({"u": U, "F": F}), out=tmp_path / "out")
+    judged = judged_without_page(square, U, F, tmp_path)
     assert judged.verdict == "PASS"
     assert judged.remarks[1] == "Run fem is shown up to u = 0.01, where its load turns back."
-    short = judge(square, pd.DataFrame({"u": U[:8], "F": F[:8]}), out=tmp_path / "out")
+    short = judged_without_page(square, U[:8], F[:8], tmp_path)
     note = short.checks.set_index("metric")["note"]["curve_l2_whole"].iloc[0]
     assert "covers only" in note and short.checks["verdict"].eq("FAIL").sum() == 2  # of the peak, which is there
 
@@ -226,12 +243,12 @@ def test_a_result_that_does_not_unload_is_held_against_the_first_branch(square: 
 def test_the_elastic_part_tells_where_a_difference_comes_from(
     square: Case, tmp_path: Path, factor: float, said: str
 ) -> None:
-    judged = judge(square, pd.DataFrame({"u": U, "F": factor * F}), out=tmp_path / "out")
+    judged = judged_without_page(square, U, factor * F, tmp_path)
     assert said in judged.remarks[0]
 
 
 def test_the_command_judges_a_file_and_exits_by_the_verdict(
-    square: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    square: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], few_sections: None
 ) -> None:
     mine = written(tmp_path, csv(1000 * U, -1100 * F, "U2,RF2"))
     arguments = ["judge", str(square.source.parent), "--history", str(mine), "--tier", "quick"]
@@ -349,15 +366,12 @@ def test_a_changed_archive_is_refused(square: Case, tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------ other people's tests
 
 
-def test_the_fixture_fails_with_the_table_of_checks(square: Case, tmp_path: Path) -> None:
-    written(tmp_path, csv(U, 1.1 * F))
-    test = f"def test_mine(fracture_case):\n    fracture_case({str(square.source)!r}).judge('mine.csv', tier='quick')\n"
-    written(tmp_path, test, "test_mine.py")
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "test_mine.py"]
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment)
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "peak_force     fem" in done.stdout and "FAIL" in done.stdout
+def test_the_fixture_fails_with_the_table_of_checks(
+    square: Case, tmp_path: Path, fracture_case: Callable[[str], FractureCase], few_sections: None
+) -> None:
+    with pytest.raises(pytest.fail.Exception, match=r"(?s)FAIL.*peak_force +fem.*FAIL") as failed:
+        fracture_case(str(square.source)).judge(written(tmp_path, csv(U, 1.1 * F)), tier="quick")
+    assert Path(str(failed.value).splitlines()[-1]).is_file(), "its page"
 
 
 def test_a_missing_extra_is_one_sentence_with_its_command(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from fem_reference import FiniteElements
 from mpm import MaterialPoints
 from numerics.quasi_static import increments
 
-COARSE = {"h": 0.02, "coarse": 0.1, "fine": {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}}
+COARSE = {"h": 0.03, "coarse": 0.1, "fine": {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}}
 
 
 def march(solver, case):

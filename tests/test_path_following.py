@@ -1,5 +1,7 @@
 """Where the load-displacement path snaps back, the fracture energy leads instead of the load."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -12,15 +14,22 @@ BLUNT = {"steel": {"fracture": {"length_scale": 0.04, "residual_stiffness": 1e-6
 ELEMENTS = {"fem": FiniteElements, "mpm": MaterialPoints}
 
 
-def path(variant, solver, control, end=0.012):
-    load = {"path": [0.0, end], "increment": 1e-3, "smallest": 1e-4, "largest_advance": 2.0, "control": control}
-    case = variant("sen_tension", mesh=COARSE, materials=BLUNT, load=load, staggered={"tolerance": 1e-4})
-    return list(increments(ELEMENTS[solver](case), case))
+@pytest.fixture(scope="module")
+def path(variant):
+    """The increments of a solver under a control, once for all that look at them."""
+
+    @cache
+    def followed(solver, control, end=0.012):
+        load = {"path": [0.0, end], "increment": 1e-3, "smallest": 1e-4, "largest_advance": 2.0, "control": control}
+        case = variant("sen_tension", mesh=COARSE, materials=BLUNT, load=load, staggered={"tolerance": 1e-4})
+        return list(increments(ELEMENTS[solver](case), case))
+
+    return followed
 
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
-def test_the_path_snaps_back_and_no_energy_is_lost(variant, solver):
-    followed = path(variant, solver, "dissipation")
+def test_the_path_snaps_back_and_no_energy_is_lost(path, solver):
+    followed = path(solver, "dissipation")
     u = np.array([step.u for step in followed])
     assert followed[-1].status == "broken_through"
     assert (np.maximum.accumulate(u) - u).max() > 0.1 * u.max()
@@ -29,18 +38,18 @@ def test_the_path_snaps_back_and_no_energy_is_lost(variant, solver):
     assert last.elastic_energy + last.fracture_energy == pytest.approx(last.external_work, rel=0.06)
 
 
-def test_displacement_control_loses_what_the_crack_does_not_take(variant):
-    jumped = path(variant, "fem", "displacement")[-1]
+def test_displacement_control_loses_what_the_crack_does_not_take(path):
+    jumped = path("fem", "displacement")[-1]
     assert jumped.elastic_energy + jumped.fracture_energy < 0.94 * jumped.external_work
 
 
-def test_both_controls_agree_up_to_the_peak(variant):
-    peaks = [max(step.F for step in path(variant, "fem", control)) for control in ("dissipation", "displacement")]
+def test_both_controls_agree_up_to_the_peak(path):
+    peaks = [max(step.F for step in path("fem", control)) for control in ("dissipation", "displacement")]
     assert peaks[0] == pytest.approx(peaks[1], rel=0.005)
 
 
 @pytest.mark.parametrize("end", [0.00622, 0.0063])
-def test_a_path_that_ends_while_the_fracture_energy_leads_comes_to_its_end(variant, end):
-    followed = path(variant, "fem", "dissipation", end)
+def test_a_path_that_ends_while_the_fracture_energy_leads_comes_to_its_end(path, end):
+    followed = path("fem", "dissipation", end)
     assert followed[-1].status == "broken_through" or followed[-1].u == end
     assert max(step.u for step in followed) <= end

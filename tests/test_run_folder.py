@@ -1,9 +1,11 @@
 """Run folders: complete or refused."""
 
 import errno
+import gc
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,6 +23,7 @@ from fake_solver import Seen
 
 from cases import load_case
 from reports.words import runs_sentence
+from verify import cli
 from verify.judging.judge import find_run
 from verify.runs import jobs, running
 from verify.runs.atomic import WriteError, superseded, write_text
@@ -269,6 +272,25 @@ def _of_the_other_run(path: Path) -> None:
 POINTS, GRID = "fields/points_0000.vtu", "fields/grid_0000.vtu"
 
 
+@pytest.fixture(scope="module")
+def two_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of results with two whole runs that differ in all their files."""
+    out = tmp_path_factory.mktemp("two")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        path = np.array([[0.0, 0.5], [0.3, 0.6]])
+        fake_solver.install(monkeypatch, mpm_factor=2.0)
+        monkeypatch.setattr("verify.metrics.crack_path.crack_path", lambda *_: path)
+        case_file = fake_solver.write_case(out / "square")
+        run(case_file, "fem", "quick", out)
+        monkeypatch.setattr(fake_solver.FakeSolver, "fields", _other_fields(fake_solver.FakeSolver.fields))
+        run(case_file, "mpm", "quick", out)
+    return out
+
+
+def _other_fields(fields: Callable) -> Callable:
+    return lambda solver: replace(fields(solver), phase_field=np.full(4, 0.25), grid_phase_field=np.full(4, 0.25))
+
+
 @pytest.mark.parametrize(
     ("file", "damage", "read"),
     [
@@ -284,22 +306,15 @@ POINTS, GRID = "fields/points_0000.vtu", "fields/grid_0000.vtu"
     ],
 )
 def test_a_damaged_folder_is_refused_in_one_sentence(
-    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, damage: object, read: str
+    two_runs: Path, tmp_path: Path, file: str, damage: Callable[[Path], object], read: str
 ) -> None:
-    monkeypatch.setattr("verify.metrics.crack_path.crack_path", lambda *_: np.array([[0.0, 0.5], [0.3, 0.6]]))
-    folder = run(case_file, "fem", "quick", tmp_path).folder
-    fake_solver.install(monkeypatch, mpm_factor=2.0)
-    monkeypatch.setattr(fake_solver.FakeSolver, "fields", _other_fields(fake_solver.FakeSolver.fields))
-    run(case_file, "mpm", "quick", tmp_path)
-    damage(folder / file)  # type: ignore[operator]
+    shutil.copytree(two_runs, tmp_path / "out")
+    folder = run_path(tmp_path / "out", "square", "quick", "fem")
+    damage(folder / file)
     with pytest.raises(RunFolderError, match=Path(file).name) as caught:
         found = getattr(RunFolder(folder), read)
         found(0.004) if callable(found) else None
     assert "\n" not in str(caught.value) and "verify run --force" in str(caught.value)
-
-
-def _other_fields(fields: Callable) -> Callable:
-    return lambda solver: replace(fields(solver), phase_field=np.full(4, 0.25), grid_phase_field=np.full(4, 0.25))
 
 
 @pytest.mark.parametrize(
@@ -327,31 +342,27 @@ def test_nested_beyond_measure_is_damage(case_file: Path, tmp_path: Path) -> Non
         RunFolder(folder)
 
 
-FULL = """
-import resource, signal, sys
-sys.path.insert(0, {tests!r})
-import fake_solver
-from verify import cli
-from verify.runs import running
-running.DISCRETISATIONS["fem"] = fake_solver.FakeSolver
-running.solver_records = fake_solver.fake_increments
-import verify.runs.vtk_files
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
-cli.main(["run", {case!r}, "--run", "fem", "--tier", "quick", "--out", {out!r}])
-"""
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
 @pytest.mark.parametrize("size", [150, 300, 2000, 3000])
-def test_no_room_for_a_file_is_one_sentence_whichever_it_is(case_file: Path, tmp_path: Path, size: int) -> None:
+def test_no_room_for_a_file_is_one_sentence_whichever_it_is(
+    case_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], size: int
+) -> None:
     """History, index, VTU, checkpoint: a limit stands for the disk that is full."""
-    code = FULL.format(tests=str(Path(__file__).parent), size=size, case=str(case_file), out=str(tmp_path / "out"))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
-    told = done.stdout + done.stderr
-    assert done.returncode == 2, told
-    assert "could not be written (File too large); check the place given with --out" in told
-    assert "Traceback" not in told and "Exception ignored" not in told and not done.stderr
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        code = cli._exit_code(["run", str(case_file), "--run", "fem", "--tier", "quick", "--out", str(tmp_path / "out")])
+        gc.collect()  # what is left half written tells of it here
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, ignored)
+    told = capsys.readouterr()
+    assert code == 2, told
+    assert "could not be written (File too large); check the place given with --out" in told.out
+    assert "Traceback" not in told.out and not told.err
 
 
 def test_fields_are_written_as_pyvista_would(case_file: Path, tmp_path: Path) -> None:

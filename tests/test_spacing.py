@@ -140,7 +140,7 @@ def test_a_refined_box_off_the_bodies_is_told() -> None:
 PLACES = st.floats(-0.2, 1.2).map(lambda place: round(place, 12))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     h=st.floats(0.01, 0.2),
     ratio=st.floats(1, 20),

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from cases import load_case
-from cases.judging import TIERS
 
 from . import ATTACKS
 from .large_cases import LARGE
@@ -24,9 +23,8 @@ def test_a_large_case_is_checked_in_a_moment(what: str, tmp_path: Path) -> None:
     path = tmp_path / "large.toml"
     path.write_text(toml_text(LARGE[what]()), encoding="utf-8")
     started = time.process_time()
-    for tier in TIERS:
-        load_case(path, tier)
-    assert time.process_time() - started < 10.0
+    load_case(path, "quick")
+    assert time.process_time() - started < 4.0
 
 
 # a kill of a solver takes a minute each
@@ -34,7 +32,7 @@ def test_a_large_case_is_checked_in_a_moment(what: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", [kind for kind in ATTACKS if kind != "kill_solver"])
 def test_nothing_is_found_in_a_moment(kind: str) -> None:
     # in a process of its own: a fork of one that has computed in parallel does not live
-    command = [sys.executable, "-m", "tests.attack", "--seed", "1", "--only", kind, "--seconds", "10", "--most", "200"]
+    command = [sys.executable, "-m", "tests.attack", "--seed", "1", "--only", kind, "--seconds", "4", "--most", "100"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert not done.stdout.startswith(f"{kind}: 0 attempts")
