@@ -124,7 +124,6 @@ class Units(Table):
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """`SIZES` in the units of the case."""
-<<<<<<< HEAD
         units = {kind: self._in_si(kind) for kind in SIZES}
         return {kind: (most / units[kind], least / units[kind]) for kind, (most, least) in SIZES.items()}
 
@@ -134,10 +133,6 @@ class Units(Table):
         if None in known:
             return _in_si(self.expression(kind))
         return math.prod(unit**power for unit, power in zip(known, KINDS[kind], strict=True) if unit is not None)
-=======
-        ones = {kind: _in_si(self.expression(kind)) for kind in SIZES}
-        return {kind: (most / ones[kind], least / ones[kind]) for kind, (most, least) in SIZES.items()}
->>>>>>> tests
 
     def convert(self, text: str, kind: str) -> float:
         """Number in the units of the case for a string such as "210 GPa".
@@ -163,14 +158,11 @@ class Units(Table):
 
 
 @cache
-<<<<<<< HEAD
 def _are_of_one_kind(name: str, other: str) -> bool:
     return bool(unit_registry().Unit(name).is_compatible_with(other))
 
 
 @cache
-=======
->>>>>>> tests
 def _in_si(expression: str) -> float:
     """A unit in SI units."""
     return float(unit_registry().Quantity(1.0, expression).to_base_units().magnitude)
