@@ -116,7 +116,7 @@ def _milliseconds(run: RunResults) -> str:
 
 
 def health_table(results: CaseResults) -> dict[str, Any]:
-    """Return ``runs`` (column heads) and ``rows`` of (meaning, limit, one (text, beyond, why accepted) per run)."""
+    """Return ``runs`` (column heads) and ``rows`` of (meaning, limit, why there, one (text, beyond, why accepted) per run)."""
     runs = [run for run in results.shown_runs() if run.record.get("health")]
     told = [run.record["health"] for run in runs]
     accepted = [_accepted(results, run.name) for run in runs]
@@ -124,6 +124,7 @@ def health_table(results: CaseResults) -> dict[str, Any]:
         (
             indicator.meaning,
             number(indicator.limit),
+            indicator.why,
             [
                 (number(h.get(name), 3), (h.get(name) or 0.0) > indicator.limit, why.get(name, ""))
                 for h, why in zip(told, accepted, strict=True)

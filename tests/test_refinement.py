@@ -10,7 +10,7 @@ from mpm import MaterialPoints
 from numerics.quasi_static import increments
 from numerics.refinement import FollowingDiscretisation
 
-WHOLE = {"lower": [0.4, 0.4], "upper": [1.0, 0.6]}
+WHOLE = {"lower": [0.4, 0.3], "upper": [1.0, 0.7]}
 TIP = {"lower": [0.4, 0.4], "upper": [0.6, 0.6]}
 BLUNT = {"steel": {"fracture": {"length_scale": 0.03, "residual_stiffness": 1e-6}}}
 LOAD = {"path": [0.0, 0.012], "increment": 1e-3, "smallest": 1e-4}
