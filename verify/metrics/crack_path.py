@@ -14,6 +14,8 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from cases.mesh_arrays import signed_areas
+
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
@@ -26,6 +28,7 @@ Field = Callable[[Array], Array]
 
 PIXELS_PER_CELL = 4
 SUPPORT = 1.5  # farther from every point than a cell and this many of its spacings is outside the bodies
+FLAT = 1e-9  # a triangle of less than this share of a cell's square is none
 CELLS_OF_REACH = 4.0  # within so many cells of a notch's end a path begins at the end
 WIDTH_OF_FOURTH_ORDER = 5.0  # in units of l0, where across a notch c rises above the threshold, γ_θ up to about 6
 EQUAL_SHARE = 0.2  # of the largest piece's area: pieces above it are rivals, the one nearest the start wins
@@ -222,14 +225,19 @@ def _in_boxes(positions: Array, near: Mask, origin: Array, box: float) -> Mask:
 
 def _interpolation(points: Array, values: Array, h: float) -> Field:
     """Linear interpolation that is NaN outside the bodies: off the hull or far from any point."""
-    from scipy.interpolate import LinearNDInterpolator
-    from scipy.spatial import QhullError, cKDTree
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
+    from scipy.spatial import Delaunay, QhullError, cKDTree
 
-    centre = points.mean(axis=0)  # triangulated about the origin, for round-off
+    centre = points.mean(axis=0)  # for round-off
+    centred = points - centre
     try:
-        linear = LinearNDInterpolator(points - centre, values)
+        triangles = Delaunay(centred).simplices
     except QhullError:  # too few points, or all on a line
         return lambda positions: np.full(len(positions), np.nan)
+    x, y = centred.T
+    flat = np.abs(signed_areas(centred, triangles)) < FLAT * h**2
+    # scipy's interpolator solves a small system in each triangle, on all threads
+    linear = LinearTriInterpolator(Triangulation(x, y, triangles, mask=flat), values)
     tree = cKDTree(points)
     support = np.maximum(SUPPORT * _spacing(tree, points), h)
 
@@ -238,7 +246,7 @@ def _interpolation(points: Array, values: Array, h: float) -> Field:
         distance, nearest = tree.query(positions)
         inside = distance <= support[nearest]
         result = np.full(len(positions), np.nan)
-        result[inside] = linear(positions[inside] - centre)
+        result[inside] = linear(*(positions[inside] - centre).T).filled(np.nan)
         return result
 
     return field
