@@ -116,7 +116,7 @@ def _milliseconds(run: RunResults) -> str:
 
 
 def health_table(results: CaseResults) -> dict[str, Any]:
-    """Return ``runs`` (column heads) and ``rows`` of (meaning, limit, why there, one (text, beyond, why accepted) per run)."""
+    """``runs`` (column heads) and ``rows`` of (meaning, limit, why there, one (text, beyond, why accepted) per run)."""
     runs = [run for run in results.shown_runs() if run.record.get("health")]
     told = [run.record["health"] for run in runs]
     accepted = [_accepted(results, run.name) for run in runs]
