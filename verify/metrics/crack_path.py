@@ -231,7 +231,7 @@ def _interpolation(points: Array, values: Array, h: float) -> Field:
     centre = points.mean(axis=0)  # for round-off
     centred = points - centre
     try:
-        triangles = Delaunay(centred).simplices
+        triangles = Delaunay(centred).simplices.astype(np.int64)
     except QhullError:  # too few points, or all on a line
         return lambda positions: np.full(len(positions), np.nan)
     x, y = centred.T
