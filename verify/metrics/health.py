@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.bodies import Body
 from cases.notches import HistoryNotch, Segment
 from cases.solvers import SOLVERS
 from cases.spacing import cell_sizes
@@ -240,8 +241,14 @@ _BESIDE_NOTCH = 4.0
 
 def _coarse_crack(case: Case, fields: Fields) -> dict[str, float]:
     """Of what softens outside the notches; a grid that follows the crack, or may be too coarse by name, is not asked."""
-    mesh, fractures = case.mesh, [case.materials[body.material].fracture for body in case.bodies.values()]
-    lengths = np.array([np.inf if f is None else f.length_scale for f in fractures])[fields.body]
+    mesh, by_points = case.mesh, SOLVERS[case.run_spec(case.run or "").solver].by_points
+
+    def length_scale(body: Body) -> float:
+        fracture = case.materials[body.material].fracture
+        # elements of a mesh file are not those of the grid
+        return np.inf if fracture is None or (body.mesh and not by_points) else fracture.length_scale
+
+    lengths = np.array([length_scale(body) for body in case.bodies.values()])[fields.body]
     cracked = (fields.phase_field < _SOFTENS) & np.isfinite(lengths)
     if mesh.fine is None or mesh.follow_crack or mesh.under_resolved or not cracked.any():
         return {}
