@@ -83,7 +83,7 @@ class Mpm(Table):
     placement : of the points in their cells: on Gauss points, regularly, or at random; in dynamics also on the
         circles of discs and rings, other bodies having regular ones; in quasi-static cases whose bodies are mesh files
         also on the Gauss points of these ("mesh"), with their weights as volumes, which fill_cells leaves as they are;
-        exact for a uniform stress only where the elements are cells of the grid
+        exact for a uniform stress only where the elements are cells of the grid (the health record tells)
     points_per_cell : per direction; of triangles of a mesh, 1 point or 2 for 3 points
     constraints_on : the edges of the points at the boundary or the points themselves, both by a penalty, or
         the nodes of the grid

@@ -65,15 +65,20 @@ def placement_health(case: Case, cloud: PointCloud) -> dict[str, float]:
     """How well the points fill the grid's cells: indicators of the health record.
 
     quadrature : share of the volume in cells with fewer than 2 x 2 points. scatter : distance of the points' middle from
-    that of their cell, over its width (root mean square over the cells that have all of their points).
+    that of their cell, over its width (root mean square over the cells that have all of their points, or, where these are
+    those of a mesh, over the cells that have points on all sides).
     """
     lines = [np.asarray(axis) for axis in grid_lines(case)]
     places = [np.clip(np.searchsorted(x, cloud.positions[:, d]) - 1, 0, len(x) - 2) for d, x in enumerate(lines)]
-    _, cell, count = np.unique(places[0] * len(lines[1]) + places[1], return_inverse=True, return_counts=True)
+    found, cell, count = np.unique(places[0] * len(lines[1]) + places[1], return_inverse=True, return_counts=True)
     along = zip(cloud.positions.T, lines, places, strict=True)
     local = [(position - x[place]) / (x[place + 1] - x[place]) - 0.5 for position, x, place in along]
-    middles = np.array([np.bincount(cell, part) / count for part in local])
+    volume = np.bincount(cell, cloud.volume)
+    middles = np.array([np.bincount(cell, part * cloud.volume) / volume for part in local])
     full = count == case.mpm.points_per_cell**2
+    if case.mpm.placement == "mesh":
+        sides = [np.isin(found + step, found) for step in (-1, 1, -len(lines[1]), len(lines[1]))]
+        full = np.logical_and.reduce(sides)
     sparse = cloud.volume[count[cell] < 4].sum() / cloud.volume.sum()
     scatter = float(np.sqrt((middles[:, full] ** 2).sum(axis=0).mean())) if full.any() else 0.0
     return {"quadrature": float(sparse), "scatter": scatter}

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from cases import Case, CaseError, case_from_tables
-from mpm.placement import place_points
+from mpm.placement import place_points, placement_health
 from numerics.description import describe
+from verify.metrics.health import INDICATORS
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 CELLS = 4
@@ -74,6 +75,16 @@ def test_on_a_distorted_mesh_they_have_the_moments_of_the_body(kind: str, points
     assert (weights > 0).all() and weights.sum() == pytest.approx(1.0)
     assert weights @ cloud.positions == pytest.approx([0.5, 0.5])
     assert np.einsum("p,pi,pj->ij", weights, *2 * [cloud.positions]) == pytest.approx(np.array([[4, 3], [3, 4]]) / 12)
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+@pytest.mark.parametrize("distorted", [False, True])
+def test_points_of_a_distorted_mesh_are_told_by_the_health_record(kind: str, distorted: bool, tmp_path: Path) -> None:
+    """Uniform stress is several per cent off on them."""
+    written(tmp_path, kind, distorted)
+    case = plate(tmp_path)
+    scatter = placement_health(case, place_points(case))["scatter"]
+    assert (scatter > INDICATORS["scatter"].limit) == distorted
 
 
 def test_a_uniform_stress_is_exact_on_a_rectangular_mesh(tmp_path: Path) -> None:
