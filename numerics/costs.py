@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from dataclasses import dataclass
 
 
+class OutOfTimeError(Exception):
+    """The time of a run is over in the middle of an increment."""
+
+
 class Costs:
-    """Counters and seconds of the parts of a run."""
+    """Counters and seconds of the parts of a run.
+
+    Attributes
+    ----------
+    until : second of ``time.perf_counter`` after which no further iteration begins
+    """
 
     def __init__(self) -> None:
         self.count: Counter[str] = Counter()
         self.seconds: dict[str, float] = {}
         self._parts: list[str] = []
         self._since = 0.0
+        self.until = math.inf
+
+    def begin_iteration(self) -> None:
+        """Raises OutOfTimeError where none should begin."""
+        if time.perf_counter() > self.until:
+            raise OutOfTimeError
 
     def forget(self) -> None:
         """Forget the work so far, not the sizes."""

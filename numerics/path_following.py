@@ -33,6 +33,7 @@ def dissipation_step(
     target = discretisation.energies()[1] + advance
     history_field, change, before = committed, np.inf, np.inf
     for iteration in range(1, settings.largest_iterations + 1):
+        discretisation.costs.begin_iteration()
         tolerance = max(settings.residual_tolerance, EQUILIBRIUM_SHARE * min(change, 1.0))
         tensile_energy = discretisation.solve_displacement(load, tolerance)
         factor, history_field = _factor(discretisation, case, committed, tensile_energy, target, advance)

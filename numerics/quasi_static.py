@@ -11,6 +11,7 @@ import numpy as np
 from cases import Case
 
 from .conjugates import AT_START, MarchState, conjugate_force, gives_way, noted, path_targets, step_work, why_it_ends
+from .costs import OutOfTimeError
 from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
 from .refinement import FollowingDiscretisation
@@ -170,7 +171,12 @@ class _LoadPath:
             assert self.last is not None
             if self.last.is_last:
                 return
-            yield self._advance(target)
+            try:
+                yield self._advance(target)
+            except OutOfTimeError:
+                self.discretisation.undo()
+                yield self._report_end(RunStatus.TIMED_OUT, f"out of time in the increment after u = {self.load:g}")
+                return
 
     def _first_state(self) -> Increment:
         """The state at the path's first load, or the report that there is none."""
@@ -382,6 +388,10 @@ class _LoadPath:
     def _report_failure(self, problem: str) -> Increment:
         assert self.last is not None
         reason = why_it_ends(self.case, self.march, problem, self.load)
-        status = RunStatus.BROKEN_THROUGH if problem == GIVES_WAY else RunStatus.NO_CONVERGENCE
+        return self._report_end(RunStatus.BROKEN_THROUGH if problem == GIVES_WAY else RunStatus.NO_CONVERGENCE, reason)
+
+    def _report_end(self, status: RunStatus, reason: str) -> Increment:
+        """The last good state again, with the reason why there is no new one."""
+        assert self.last is not None
         self.last = replace(self.last, status=status, reason=reason)
         return self.last

@@ -61,6 +61,7 @@ class FollowingDiscretisation:
                 finer.costs.count[name] = value
         for name, seconds in before.costs.seconds.items():
             finer.costs.seconds[name] = finer.costs.seconds.get(name, 0.0) + seconds
+        finer.costs.until = before.costs.until
         self._case, self._present = case, finer
 
     def checkpoint(self) -> dict[str, NDArray]:

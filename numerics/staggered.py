@@ -130,6 +130,7 @@ def _passes(discretisation: QuasiStaticDiscretisation, case: Case, load: float, 
     """The thesis's N_staggs passes: phase field from the history so far, then displacement."""
     committed = history_field = discretisation.history_field
     for _ in range(case.staggered.passes):
+        discretisation.costs.begin_iteration()
         discretisation.solve_phase_field(history_field)
         tensile_energy = discretisation.solve_displacement(load, case.staggered.residual_tolerance)
         history_field = updated_history(case, committed, tensile_energy)
@@ -145,6 +146,7 @@ def _until_converged(discretisation: QuasiStaticDiscretisation, case: Case, load
     history_field, change, before = committed, np.inf, np.inf
     acceleration = Acceleration(settings.memory)
     for iteration in range(1, settings.largest_iterations + 1):
+        discretisation.costs.begin_iteration()
         # equilibrium only as exact as the phase field has come to rest
         tolerance = max(settings.residual_tolerance, EQUILIBRIUM_SHARE * min(change, 1.0))
         tensile_energy = discretisation.solve_displacement(load, tolerance)

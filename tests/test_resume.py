@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from fake_solver import Seen
 
+from numerics.costs import Costs
 from numerics.status import RunStatus
 from verify import cli
 from verify.runs.checkpoint import Checkpoint, CheckpointError, CheckpointWriter
@@ -181,12 +182,28 @@ def test_a_run_out_of_time_keeps_its_state_and_goes_on(case_file: Path, tmp_path
     assert done.history.equals(whole.history)
 
 
+def test_time_ends_in_the_middle_of_an_increment(tmp_path: Path) -> None:
+    case_file = Path(__file__).parent / "attack" / "tiny" / "slit.toml"
+
+    class Late(TimeLimit):
+        def record(self, record, discretisation) -> None:
+            super().record(record, discretisation)
+            discretisation.costs.until = 0.0 if record.step == 1 else discretisation.costs.until
+
+    late = run(case_file, "fem", "quick", tmp_path, [Late(1e3)])
+    assert late.info["status"] == RunStatus.TIMED_OUT
+    assert late.info["reason"].startswith("out of time in the increment after u = ")
+    assert late.history["step"].tolist() == [0, 1] and late.checkpoint.record.step == 1
+    done = run(case_file, "fem", "quick", tmp_path, resume=True).history.drop(columns="seconds")
+    assert done.equals(run(case_file, "fem", "quick", tmp_path / "whole").history.drop(columns="seconds"))
+
+
 def test_a_run_that_is_at_its_end_is_not_out_of_time() -> None:
-    limit = TimeLimit(-1.0)
-    limit.record(SimpleNamespace(share=1.0, is_last=False, u=1.0), None)
-    limit.record(SimpleNamespace(share=0.5, is_last=True, u=0.5), None)
+    limit, solver = TimeLimit(-1.0), SimpleNamespace(costs=Costs())
+    limit.record(SimpleNamespace(share=1.0, is_last=False, u=1.0), solver)
+    limit.record(SimpleNamespace(share=0.5, is_last=True, u=0.5), solver)
     with pytest.raises(StoppedError, match=r"at u = 0\.5"):
-        limit.record(SimpleNamespace(share=0.5, is_last=False, u=0.5), None)
+        limit.record(SimpleNamespace(share=0.5, is_last=False, u=0.5), solver)
 
 
 def test_the_time_of_a_run_can_be_limited_from_the_command_line(

@@ -42,7 +42,7 @@ class Checkpoint:
     def write(self, path: Path) -> None:
         """Into one file of arrays and a line of JSON."""
         told = {"made_by": self.made_by, "kind": type(self.record).__name__, "record": asdict(self.record)}  # type: ignore[call-overload]
-        told |= {"count": self.count, "seconds": self.seconds}
+        told |= {"count": self.count, "seconds": self.seconds, "arrays": list(self.state)}
         np.savez(path, told=np.array(json.dumps(told)), **self.state)  # type: ignore[arg-type]
 
     @classmethod
@@ -52,6 +52,8 @@ class Checkpoint:
             with np.load(path, allow_pickle=False) as arrays:
                 state = dict(arrays)
             told = json.loads(str(state.pop("told")))
+            if told["arrays"] != list(state):  # a zip file guards what it holds, not its names
+                raise KeyError("arrays of other names")
             return cls(
                 made_by=str(told["made_by"]),
                 record=_record(told["kind"], told["record"]),

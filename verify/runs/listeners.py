@@ -93,7 +93,9 @@ class TimeLimit(Listener):
 
     def record(self, record: "Record", discretisation: ObservedDiscretisation) -> None:
         """Raises `StoppedError` where time is over and something is left of the run."""
-        self._started = time.perf_counter() if math.isnan(self._started) else self._started
+        if math.isnan(self._started):
+            self._started = time.perf_counter()
+            discretisation.costs.until = self._started + self._seconds
         late = time.perf_counter() - self._started > self._seconds
         if late and not record.is_last and record.share < 1.0:
             raise StoppedError(RunStatus.TIMED_OUT, f"more than {self._seconds:g} s, at u = {record.u:.6g}")
