@@ -33,6 +33,10 @@ CHORDS_OF_CIRCLE = 48
 SAMPLES = 200
 # An end of a slit this near to an outline, in shares of h, is meant to be on it.
 SNAP = 1e-3
+# Edges shorter than this share of the bodies, and corners sharper than this angle, are such that netgen may not come to
+# an end with them.
+SHORTEST = 1e-7
+SHARPEST = 2e-4
 
 
 @dataclass(frozen=True)
@@ -256,7 +260,10 @@ def planar_graph(
     anchors: Sequence[tuple[float, float]],
     size: SizeField,
 ) -> Graph:
-    """Outlines and slits, cut where they meet and divided by the wanted size."""
+    """Outlines and slits, cut where they meet and divided by the wanted size.
+
+    Raises MeshError where an edge is too short or a corner too sharp.
+    """
     lines = [outline.boundary for outline in outlines]
     lines += [shapely.LineString([slit.start, slit.end]) for slit in slits]
     extent = np.ptp(np.reshape(shapely.union_all(outlines).bounds, (2, 2)), axis=0).max()
@@ -268,8 +275,39 @@ def planar_graph(
     edges = np.concatenate([_consecutive(divided(start, end, size)) for start, end in edges])
     sides = _sides(edges, outlines, 10 * grid)
     edges, sides = edges[sides.any(axis=1)], sides[sides.any(axis=1)]
+    _refuse_short(edges, SHORTEST * extent)
     points, ends = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    _refuse_sharp(points, ends.reshape(-1, 2))
     return Graph(points, ends.reshape(-1, 2), sides)
+
+
+def _refuse_short(edges: Floats, shortest: float) -> None:
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    if lengths.min() < shortest:
+        x, y = edges[lengths.argmin(), 0]
+        raise MeshError(
+            f"bodies: an edge at ({x:g}, {y:g}) is {lengths.min():.2g} long, too short for a mesh of these bodies; leave "
+            f"out what is so small, or make its edges longer than {shortest:.2g}"
+        )
+
+
+def _refuse_sharp(points: Floats, ends: Integers) -> None:
+    at, to = np.concatenate([ends, ends[:, ::-1]]).T
+    way = points[to] - points[at]
+    angle = np.arctan2(way[:, 1], way[:, 0])
+    order = np.lexsort([angle, at])
+    # from each edge to the next one about the same point; behind the last one comes the first, a turn later
+    first = np.flatnonzero(np.diff(at[order], prepend=-1))
+    following = np.append(order[1:], order[0])
+    following[np.append(first[1:], len(order)) - 1] = order[first]
+    gap = np.mod(angle[following] - angle[order], 2.0 * np.pi)
+    gap[following == order] = 2.0 * np.pi
+    if gap.min() < SHARPEST:
+        x, y = points[at[order[gap.argmin()]]]
+        raise MeshError(
+            f"bodies: the corner at ({x:g}, {y:g}) of {np.degrees(gap.min()):.2g} degrees is too sharp for a mesh; blunt "
+            f"it, or draw a slit where it is meant to be none"
+        )
 
 
 def _consecutive(points: Floats) -> Floats:

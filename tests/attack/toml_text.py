@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from typing import Any
 
 
 def toml_text(tables: dict[str, Any]) -> str:
     """One line for each key of the file; tables inside are inline."""
-    return "".join(f"{_quoted(key)} = {_value(value)}\n" for key, value in tables.items())
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(20 * limit)  # mutants of mutants are as deep as a thousand braces
+    try:
+        return "".join(f"{_quoted(key)} = {_value(value)}\n" for key, value in tables.items())
+    finally:
+        sys.setrecursionlimit(limit)
 
 
 def _value(value: Any) -> str:
