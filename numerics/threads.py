@@ -5,14 +5,18 @@ from __future__ import annotations
 import os
 
 import numba
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
-_limiter: threadpool_limits | None = None
+_limiters: list[object] = []
 
 
 def use_threads(count: int) -> None:
-    """Use ``count`` threads in numba's loops and in the linear algebra of this process."""
-    global _limiter
+    """Use ``count`` threads in numba's loops and in PARDISO, one in numpy's products.
+
+    OpenBLAS sums long products by threads, whose number would be seen in their last digits.
+    """
     os.environ["MKL_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = str(count)
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
-    _limiter = threadpool_limits(limits=count)
+    of_numpy = ThreadpoolController().select(internal_api="openblas")
+    _limiters[:] = [threadpool_limits(limits=count), of_numpy.limit(limits=1)]

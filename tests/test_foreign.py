@@ -247,6 +247,14 @@ def test_the_elastic_part_tells_where_a_difference_comes_from(
     assert said in judged.remarks[0]
 
 
+def test_an_axis_read_with_an_offset_is_told(square: Case, tmp_path: Path) -> None:
+    peak_at = U[np.argmax(F)]
+    assert len(judged_without_page(square, U + 0.01 * peak_at, F, tmp_path).remarks) == 1
+    judged = judged_without_page(square, U + 0.1 * peak_at, F, tmp_path)
+    assert "agrees" in judged.remarks[0] and f"meets F = 0 at u = {0.1 * peak_at:.3g}" in judged.remarks[1]
+    assert f"its peak lies at u = {peak_at:.4g} instead of {1.1 * peak_at:.4g}" in judged.remarks[1]
+
+
 def test_the_command_judges_a_file_and_exits_by_the_verdict(
     square: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str], few_sections: None
 ) -> None:

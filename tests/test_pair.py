@@ -129,6 +129,18 @@ def test_same_case_twice_and_on_one_or_two_threads(variant):
         assert np.array_equal(curves[0], curves[2])
 
 
+def test_long_products_have_the_same_bits_on_one_and_two_threads():
+    from numerics.threads import use_threads
+
+    one, other = np.random.default_rng(1).random((2, 100_001))
+    products = []
+    for threads in (1, 2):
+        use_threads(threads)
+        products.append((float(one @ other), float(np.linalg.norm(one))))
+    use_threads(2)
+    assert products[0] == products[1]
+
+
 def test_a_strip_that_moves_holds_no_more_cells_than_at_first(variant):
     """A strip that ends on a grid line, carried by a tenth of a cell: what touches its end must not be held."""
     case = variant(

@@ -27,7 +27,7 @@ from verify.judging.judge import checks_of
 from verify.judging.summary import summarise, write_summary
 from verify.judging.targets import CURVE_METRICS, JudgeError, reference_curve
 from verify.judging.views import Json
-from verify.metrics.curves import Curve, CurveError, peak_force, peak_index
+from verify.metrics.curves import Curve, CurveError, displacement_at_peak, peak_force, peak_index
 from verify.metrics.registry import PAIR_METRICS
 from verify.runs.importing import mapped, read_path, read_table
 from verify.runs.kept import main_runs, read_kept, restore
@@ -45,6 +45,8 @@ SHOWN_OF_MOVING = ("fracture_energy",)
 _SHOWN_LIMIT = 0.05
 #: elastic slopes that differ by less are the same
 SAME_STIFFNESS = 0.03
+#: an elastic part that starts farther from where it should, as a share of u at the peak, is shifted
+LARGEST_SHIFT = 0.03
 
 
 @dataclass(frozen=True)
@@ -299,12 +301,20 @@ def remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
     try:
         curve = Curve.from_history(imported.history)
         name, expected = _expected(case, out)
-        ratio = _elastic_slope(curve) / _elastic_slope(expected)
+        (slope, start), (slope_expected, start_expected) = _elastic_line(curve), _elastic_line(expected)
+        ratio = slope / slope_expected
     except (CurveError, JudgeError) as problem:
         return [str(problem)]
     if not np.isfinite(ratio) or ratio == 0.0:
         return []
-    return [_remark(case, ratio, name, abs(peak_force(curve) / peak_force(expected)) - 1.0)]
+    said = [_remark(case, ratio, name, abs(peak_force(curve) / peak_force(expected)) - 1.0)]
+    peak_at, shift = displacement_at_peak(curve), start - start_expected
+    if abs(shift) > LARGEST_SHIFT * abs(peak_at):
+        said.append(
+            f"Its elastic part, carried on, meets F = 0 at u = {start:.3g}, that of {name} at {start_expected:.3g}: a slack,"
+            f" or an axis read with an offset; less that, its peak lies at u = {peak_at - shift:.4g} instead of {peak_at:.4g}."
+        )
+    return said
 
 
 def energy_remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
@@ -336,13 +346,16 @@ def _kept_folders(case: Case, out: Path) -> list[Path]:
     return [folder for folder in folders if folder.is_dir()]
 
 
-def _elastic_slope(curve: Curve) -> float:
-    """Slope of the first branch between a tenth and two fifths of the way to the peak, where readings are surest."""
+def _elastic_line(curve: Curve) -> tuple[float, float]:
+    """Slope of the first branch between a tenth and two fifths of the way to the peak, where readings are surest, and
+    the u at which that line meets F = 0.
+    """
     end = peak_index(curve)
     way = np.abs(curve.u[: end + 1] - curve.u[0])
     places = np.linspace(0.1, 0.4, 13) * way.max()
     force = np.interp(places, np.maximum.accumulate(way), curve.F[: end + 1])
-    return curve.direction * float(np.polyfit(places, force, 1)[0])
+    slope, offset = np.polyfit(places, force, 1)
+    return curve.direction * float(slope), float(curve.u[0] - curve.direction * offset / slope)
 
 
 def _expected(case: Case, out: Path) -> tuple[str, Curve]:
