@@ -47,7 +47,7 @@ def level_changes(levels: dict[str, tuple[Any, ...]]) -> list[Tables]:
 
 def coordinates(levels: dict[str, tuple[Any, ...]]) -> list[Any]:
     """What each level is called and drawn at: the first key's values, of lists the last entry."""
-    return [value[-1] if isinstance(value, list | tuple) else value for value in next(iter(levels.values()))]
+    return [value[-1] if isinstance(value, list | tuple) and value else value for value in next(iter(levels.values()))]
 
 
 def _coordinate(levels: dict[str, tuple[Any, ...]]) -> tuple[str, list[Any]]:

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from cases import CaseError, load_case
+from cases.studies import coordinates
 from reports import draw_chart, drawing_style
 from reports.charts import accuracy_against_cost
 from reports.maps import where_it_fails
@@ -148,6 +149,10 @@ def test_a_quantity_without_value_or_with_a_target_of_zero_is_told_and_leaves_it
     table = pd.read_csv(tmp_path / "out" / "charts" / "square" / "quick" / "spacing.csv")
     by_quantity = table.groupby("quantity", sort=False)["error"].count()
     assert by_quantity.iloc[0] == 0 and by_quantity["curve_l2_before_peak"] == 7
+
+
+def test_a_level_may_be_an_empty_list() -> None:
+    assert coordinates({"notches": ([], [1.0, 2.0], 3.0)}) == [[], 2.0, 3.0]
 
 
 def test_levels_that_failed_are_not_taken_for_the_finest() -> None:

@@ -63,6 +63,26 @@ def test_moving_elements_that_lock_are_told_at_any_time(end_time, tmp_path):
 
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(
+    ("split", "scale", "tripped"),
+    [("spectral", -1, True), ("volumetric_deviatoric", -1, True), ("no_tension", -1, False), ("spectral", 1, False)],
+)
+def test_a_notch_drawn_by_its_history_that_is_pressed(solver, split, scale, tripped, tmp_path):
+    """Closed, it should bear what the whole plate bears."""
+    steel = BREAKABLE["steel"] | {"fracture": {"toughness": 2.7, "length_scale": 0.05, "split": split}}
+    case = {
+        **PLATE, "materials": {"steel": steel}, "load": {"path": [0.0, 0.001], "increment": 5e-4},
+        "constraints": [*PLATE["constraints"][:2], {"on": "top", "direction": "y", "scale": scale}],
+        "notches": [{"kind": "history", "start": [0.75, 0.5], "end": [1.25, 0.5]}],
+    }  # fmt: skip
+    done = running.run(case_from_tables(case, run=solver), solver, out=tmp_path, threads=1)
+    assert beyond(done.info["health"]) == ({"closed_notch"} if tripped else set())
+    if scale < 0:
+        whole = 210.0 / (1.0 - 0.3**2) * 0.001 * 2.0
+        assert (done.history["F"].iloc[-1] == pytest.approx(whole, rel=5e-3)) is not tripped
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
 @pytest.mark.parametrize(("h", "resolved"), [(0.1, False), (0.025, True)])
 def test_a_warm_plate_clamped_on_one_edge_needs_fine_cells(solver, h, resolved, tmp_path):
     """Its F is the energy at the clamped corners: 8 % off with ten cells along the edge."""

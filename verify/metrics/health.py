@@ -48,6 +48,11 @@ INDICATORS = {
         0.01, "faces in contact overlap by 1e-5, free ones under pressure by more than 0.03",
         'give the slit contact = true in a quasi-static case, or draw it with kind = "history"',
     ),
+    "closed_notch": Indicator(
+        "share of the elastic energy that a notch drawn by its history field loses although it is closed",
+        0.05, "no_tension loses none of it, spectral a third, others more; an open notch is not asked",
+        'draw the notch as a slit, or set fracture.split = "no_tension"',
+    ),
     "locking": Indicator(
         "share of the elastic energy in volume changes that alternate from point to point",
         0.05, "0.78 in quadrilaterals that lock, 0.42 in triangles, 0.002 in those that do not",
@@ -146,7 +151,7 @@ def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
     slits = [notch for notch in case.all_notches if notch.kind == "slit"]
     if slits and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
-    found |= _locking(case, fields) | _resolution(case, fields) | _coarse_crack(case, fields)
+    found |= _closed_notches(case, fields) | _locking(case, fields) | _resolution(case, fields) | _coarse_crack(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
     return found | ({"numerical_fracture": float(sum(pieces))} if pieces else {})
@@ -168,6 +173,29 @@ def _least_opening(slit: Segment, fields: Fields, h: float) -> float:
     stretch = np.minimum((along[near] / (2.0 * h)).astype(int), max(0, int(slit.length / (2.0 * h)) - 1))
     upper, lower = (_means(stretch[side], face[side]) for side in (aside[near] > 0, aside[near] < 0))
     return min((upper[key] - lower[key] for key in upper.keys() & lower.keys()), default=0.0)
+
+
+def _closed_notches(case: Case, fields: Fields) -> dict[str, float]:
+    """Of quasi-static cases: what closed history notches do not store of the energy of whole material at their strain."""
+    notches = [notch for notch in case.all_notches if isinstance(notch, HistoryNotch)]
+    if case.dynamics or case.eigenstrains or not notches:
+        return {}
+    from physics.elasticity import MaterialTable  # judging does without compiled laws
+
+    ux, uxy, uyx, uy = fields.gradient.T
+    strain = np.column_stack([ux, uy, uxy + uyx])
+    whole = np.einsum("nij,nj->ni", MaterialTable(case).stiffness[fields.body], strain)
+    lost = total = 0.0
+    for notch in notches:
+        along, aside = notch.coordinates(fields.reference)
+        within = (along > 0.0) & (along < notch.length) & (fields.phase_field < _WHOLE)
+        near = within & (np.abs(aside) < cell_sizes(case, fields.reference).max(axis=1))
+        x, y = notch.direction
+        closed = near & (whole @ np.array([y * y, x * x, -2.0 * x * y]) < 0.0)
+        work = ((whole - fields.stress) * strain).sum(axis=1) * fields.volume
+        total += float(((whole * strain).sum(axis=1) * fields.volume)[near].sum())
+        lost += float(work[closed].sum())
+    return {"closed_notch": lost / total} if total > 0.0 else {}
 
 
 def _means(key: NDArray, value: NDArray) -> dict[int, float]:
