@@ -311,8 +311,9 @@ def remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
     peak_at, shift = displacement_at_peak(curve), start - start_expected
     if abs(shift) > LARGEST_SHIFT * abs(peak_at):
         said.append(
-            f"Its elastic part, carried on, meets F = 0 at u = {start:.3g}, that of {name} at {start_expected:.3g}: a slack,"
-            f" or an axis read with an offset; less that, its peak lies at u = {peak_at - shift:.4g} instead of {peak_at:.4g}."
+            f"Its elastic part, carried on, meets F = 0 at u = {start:.3g}, that of {name} at {start_expected:.3g}:"
+            f" a slack, or an axis read with an offset; less that, its peak lies at u = {peak_at - shift:.4g} instead of"
+            f" {peak_at:.4g}."
         )
     return said
 

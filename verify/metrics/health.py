@@ -151,7 +151,8 @@ def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
     slits = [notch for notch in case.all_notches if notch.kind == "slit"]
     if slits and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
-    found |= _closed_notches(case, fields) | _locking(case, fields) | _resolution(case, fields) | _coarse_crack(case, fields)
+    for indicators in (_closed_notches, _locking, _resolution, _coarse_crack):
+        found |= indicators(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
     return found | ({"numerical_fracture": float(sum(pieces))} if pieces else {})
