@@ -35,9 +35,19 @@ def with_stand_ins() -> None:
     running.code_version = lambda: "0.1.0"  # that of code which is not committed is not accepted
 
 
+CHART = """
+[charts.spacing]
+quantities = [{ metric = "peak_force" }]
+change.mesh.under_resolved = true
+reference = { run = "fem", levels = { "mesh.h" = [0.16, 0.12, 0.08] } }
+ladders.fem_ladder = { run = "fem", levels = { "mesh.h" = [0.4, 0.25] } }
+"""
+
+
 def case_in(folder: Path) -> Path:
-    """The file of a case of two runs and a check between them."""
-    return fake_solver.write_case(folder / "square", fake_solver.check("fem"), fake_solver.check("baseline", gate=False))
+    """The file of a case of two runs, a check between them and a chart."""
+    checks = fake_solver.check("fem"), fake_solver.check("baseline", gate=False)
+    return fake_solver.write_case(folder / "square", *checks, CHART)
 
 
 @cache

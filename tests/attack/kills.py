@@ -28,6 +28,13 @@ from .harness import FoundError
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 #: seconds that a stand-in takes for an increment, so that there is time to be killed in
 PAUSE = 0.01
+#: seconds up to which a command is let go on, but for those that are quick
+LONGEST = {"run": 0.6, "run --force": 0.6, "chart": 3.0, "price": 3.0, "report": 4.0}
+#: studies -> their table, and the columns that tell of no time
+STUDIES = {
+    "chart": ("charts/square/quick/spacing.csv", ["ladder", "at", "status", "value", "error"]),
+    "price": ("prices/square/quick.csv", ["run", "saving", "quantity", "with", "without"]),
+}
 #: columns that tell of time, not of the solution
 TIMES = ["seconds"]
 
@@ -36,7 +43,7 @@ def kill(rng: random.Random, folder: Path) -> str:
     """A command of the stand-ins is killed, and done again."""
     finished()
     fake_solver.FakeSolver.force = _slow_force
-    command = rng.choice(["run"] * 8 + ["run --force"] * 4 + ["compare"] * 4 + ["accept"] * 4 + ["report"])
+    command = rng.choice(["run"] * 8 + ["run --force", "compare", "accept"] * 4 + ["chart", "price"] * 2 + ["report"])
     out = folder / "out"
     if command != "run":
         shutil.copytree(finished(), out)
@@ -44,7 +51,7 @@ def kill(rng: random.Random, folder: Path) -> str:
     case = case_in(folder) if command == "accept" else finished() / "square" / "case.toml"
     arguments = [*_words(command, case, out)]
     child = _started(arguments)
-    time.sleep(rng.uniform(0.0, 0.6 if command.startswith("run") else 0.3 if command != "report" else 4.0))
+    time.sleep(rng.uniform(0.0, LONGEST.get(command, 0.3)))
     ended = _killed(child, rng.choice(SIGNALS))
     if command == "run --force" or not command.startswith("run"):
         _same(out, "after the kill")
@@ -53,6 +60,8 @@ def kill(rng: random.Random, folder: Path) -> str:
     if code:
         raise FoundError(f"{command} again exits {code}")
     _same(out, "after doing it again")
+    if command in STUDIES and not _table(out, command).equals(_studied(command)):
+        raise FoundError(f"the table of {command} is another one")
     return f"{command} {ended}"
 
 
@@ -83,6 +92,19 @@ def _same(out: Path, when: str) -> None:
         pairs = zip(found.snapshots(), whole.snapshots(), strict=True)
         if any((a.points["phase_field"] != b.points["phase_field"]).any() for a, b in pairs):
             raise FoundError(f"the fields of {name} are others {when}")
+
+
+def _table(out: Path, study: str) -> pd.DataFrame:
+    file, columns = STUDIES[study]
+    return pd.read_csv(out / file)[columns]
+
+
+@cache
+def _studied(study: str) -> pd.DataFrame:
+    """The table of an undisturbed study."""
+    out = Path(tempfile.mkdtemp(prefix="attack-study-"))
+    cli._exit_code([*_words(study, finished() / "square" / "case.toml", out)])
+    return _table(out, study)
 
 
 def _started(arguments: list[str]) -> int:
