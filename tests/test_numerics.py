@@ -10,7 +10,7 @@ import pytest
 
 from mpm.quasi_static.phase_field import keep_barely_seen
 from numerics import linear_solvers
-from numerics.acceleration import Acceleration
+from numerics.acceleration import Anderson
 from numerics.costs import Costs
 from numerics.linear_solvers import linear_solver
 from numerics.newton import load_ratio, newton
@@ -149,7 +149,7 @@ def test_newton_says_when_there_is_no_equilibrium():
 
 def iterations_to_rest(memory, matrix, limit):
     """Iterations that x -> limit + matrix (x - limit) takes from zero to within 1e-8 of its limit."""
-    acceleration, x = Acceleration(memory), np.zeros(len(limit))
+    acceleration, x = Anderson(memory), np.zeros(len(limit))
     for iteration in range(500):
         image = limit + matrix @ (x - limit)
         if np.abs(image - limit).max() < 1e-8:
@@ -167,14 +167,14 @@ def test_a_short_memory_finds_the_slow_directions():
 
 
 def test_a_state_of_unstable_equilibrium_is_left():
-    acceleration, x = Acceleration(5), np.array([0.001])
+    acceleration, x = Anderson(5), np.array([0.001])
     for _ in range(20):
         x = acceleration.next(x, 1.2 * x)
     assert x[0] > 0.01
 
 
 def test_a_running_crack_is_over_relaxed_and_a_step_is_bounded():
-    acceleration = Acceleration(5)
+    acceleration = Anderson(5)
     assert acceleration.next(np.zeros(2), np.array([0.5, 0.0]))[0] == pytest.approx(1.7 * 0.5)
     x, image = np.zeros(1), np.array([0.05])
     x = acceleration.next(x, image)
