@@ -141,7 +141,7 @@ class Momentum:
         if not self._changes[-1] >= self._changes[-1 - ITERATIONS_OF_A_FALL]:
             return False
         self._anderson.forget()
-        self._age = 1
+        self._changes, self._age = self._changes[-1:], 1
         return True
 
     def _runs_on(self, uphill: bool) -> bool:
