@@ -1,4 +1,4 @@
-"""Acceleration of alternate minimisation: Anderson's method where the phase field settles, momentum where a crack runs."""
+"""Acceleration of alternate minimisation: Anderson's method where the phase field settles, momentum where it runs."""
 
 from __future__ import annotations
 

@@ -51,3 +51,14 @@ def test_momentum_gives_the_same_bits_on_any_number_of_threads(variant, solver):
 def test_a_fixed_number_of_passes_is_not_accelerated(variant):
     with pytest.raises(CaseError, match=r"'staggered.acceleration' = 'momentum' has no effect: .* \"converged\"\.$"):
         notched(variant, staggered={"scheme": "passes", "acceleration": "momentum"})
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_phase_field_that_is_in_balance_is_not_solved_again(variant, solver):
+    discretisation = march(notched(variant, solver, load={"path": [0.0, 0.002]}, mpm={"move_points": False}))[1]
+    solved, resting = discretisation.costs.count["factorisations"], discretisation.nodal_phase_field
+    discretisation.solve_phase_field(discretisation.history_field)
+    assert discretisation.costs.count["factorisations"] == solved
+    assert np.array_equal(discretisation.nodal_phase_field, resting)
+    discretisation.solve_phase_field(1.01 * discretisation.history_field)
+    assert discretisation.costs.count["factorisations"] == solved + 1
