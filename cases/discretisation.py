@@ -117,7 +117,10 @@ class Staggered(Table):
         passes only
     tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall
     residual_tolerance : on the relative residual of equilibrium
-    memory : past iterations that the acceleration uses; 0 for over-relaxation alone
+    acceleration : of the converged scheme: "none" alternates plainly; "anderson" over-relaxes while the phase field
+        changes much and guesses from past iterations once it settles; "momentum" does so too, and carries a crack that
+        runs on by the last move
+    memory : past iterations that Anderson's method uses; 0 for over-relaxation alone
     irreversible : drive the phase field by the largest tensile energy ever met (Eq. 2.59), not by the present one
     """
 
@@ -125,6 +128,7 @@ class Staggered(Table):
     passes: Annotated[Whole, Field(ge=1, le=10_000)] = 1
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
+    acceleration: Literal["anderson", "momentum", "none"] = "anderson"
     memory: Annotated[Whole, Field(ge=0, le=20)] = 5
     largest_iterations: Annotated[Whole, Field(ge=1, le=1_000_000)] = 2000
     irreversible: Switch = True

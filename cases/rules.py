@@ -37,6 +37,7 @@ WITHOUT_EFFECT: dict[str, Any] = {
     "mpm.linear_solver": "direct",
     "staggered.scheme": "passes",
     "staggered.residual_tolerance": None,
+    "staggered.acceleration": None,
     "staggered.memory": None,
     "staggered.largest_iterations": None,
 }
@@ -92,12 +93,21 @@ def _is_static_or_dynamic(case: CaseDescription) -> None:
     (_fits_dynamics if case.dynamics else _fits_statics)(case)
 
 
+def _acceleration_applies(case: CaseDescription) -> None:
+    settings = case.staggered
+    if settings.scheme == "passes" and "acceleration" in settings.model_fields_set:
+        remedy = 'remove it or give staggered.scheme = "converged"'
+        text = "has no effect: a fixed number of passes is not accelerated"
+        raise BrokenRuleError(text, remedy, "staggered.acceleration", settings.acceleration)
+
+
 def _fits_statics(case: CaseDescription) -> None:
     moving = [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
     moving += ["output.times"] if case.output.times or case.output.frames else []
     if moving:
         raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
     loads_fit_statics(case)
+    _acceleration_applies(case)
     driven = case.moved_by_load or case.loaded_by_factor or case.exact is not None
     if len(case.load.path) > 1 and not driven:
         remedy = (

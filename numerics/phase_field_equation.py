@@ -13,7 +13,7 @@ from .linear_solvers import LinearSolverError, linear_solver
 from .sparse_pattern import LocalSystems, SymmetricPattern, gather_vector
 
 #: distance from the bound, and from balance over the stiffness, that is round-off
-AT_BOUND = 1e-12
+AT_BALANCE = 1e-12
 #: solves for the unknowns at the bound; a crack's flanks set out from it a cell a time
 LARGEST_SETS = 500
 
@@ -75,6 +75,8 @@ class PhaseFieldEquation:
         right_side = gather_vector(self._equations, self.systems.vectors, self.size)
         values = guard(self._pattern, self._pattern.gather(self.systems.matrices))
         corrected = nodal.copy()
+        if (np.abs(right_side) <= AT_BALANCE * values[self._pattern.diagonal]).all():
+            return corrected
         if self._is_bounded:
             corrected[self._free] += self._bounded_correction(values, right_side, 1.0 - nodal[self._free])
         else:
@@ -90,14 +92,14 @@ class PhaseFieldEquation:
         rows = np.repeat(np.arange(self.size), np.diff(self._pattern.indptr))
         columns = self._pattern.indices
         stiffness = values[diagonal]
-        held = (room <= AT_BOUND) & (right_side > 0.0)
+        held = (room <= AT_BALANCE) & (right_side > 0.0)
         for _ in range(LARGEST_SETS):
             correction = np.where(held, room, 0.0)
             rest = np.where(held, 0.0, right_side - matrix @ correction)
             apart = np.where((held[rows] | held[columns]) & (rows != columns), 0.0, values)
             correction += self._solver.solve(apart, rest)
             push = right_side - matrix @ correction
-            held, before = np.where(held, push > -AT_BOUND * stiffness, correction > room + AT_BOUND), held
+            held, before = np.where(held, push > -AT_BALANCE * stiffness, correction > room + AT_BALANCE), held
             if np.array_equal(held, before):
                 return correction
         raise LinearSolverError(f"no set of unknowns at the bound of the phase field was found in {LARGEST_SETS} solves")

@@ -10,7 +10,7 @@ import pytest
 
 from mpm.quasi_static.phase_field import keep_barely_seen
 from numerics import linear_solvers
-from numerics.acceleration import Acceleration
+from numerics.acceleration import LARGEST_REFUSALS, Anderson, Momentum
 from numerics.costs import Costs
 from numerics.linear_solvers import linear_solver
 from numerics.newton import load_ratio, newton
@@ -149,7 +149,7 @@ def test_newton_says_when_there_is_no_equilibrium():
 
 def iterations_to_rest(memory, matrix, limit):
     """Iterations that x -> limit + matrix (x - limit) takes from zero to within 1e-8 of its limit."""
-    acceleration, x = Acceleration(memory), np.zeros(len(limit))
+    acceleration, x = Anderson(memory), np.zeros(len(limit))
     for iteration in range(500):
         image = limit + matrix @ (x - limit)
         if np.abs(image - limit).max() < 1e-8:
@@ -167,19 +167,57 @@ def test_a_short_memory_finds_the_slow_directions():
 
 
 def test_a_state_of_unstable_equilibrium_is_left():
-    acceleration, x = Acceleration(5), np.array([0.001])
+    acceleration, x = Anderson(5), np.array([0.001])
     for _ in range(20):
         x = acceleration.next(x, 1.2 * x)
     assert x[0] > 0.01
 
 
 def test_a_running_crack_is_over_relaxed_and_a_step_is_bounded():
-    acceleration = Acceleration(5)
+    acceleration = Anderson(5)
     assert acceleration.next(np.zeros(2), np.array([0.5, 0.0]))[0] == pytest.approx(1.7 * 0.5)
     x, image = np.zeros(1), np.array([0.05])
     x = acceleration.next(x, image)
     ahead = acceleration.next(x, x + 0.0499)
     assert ahead[0] - x[0] == pytest.approx(0.2)
+
+
+def iterations_of_a_running_crack(acceleration, length=30.0):
+    """Iterations in which a front gets to the end of its way; material behind it breaks by 0.05 each, by itself."""
+    x = np.ones(int(length))
+    for iteration in range(5000):
+        front = int(np.argmax(x > 0.5))
+        image = x.copy()
+        image[front] -= 0.05
+        if x[-1] <= 0.5:
+            return iteration
+        x = np.clip(acceleration.next(x, np.clip(image, 0.0, 1.0)), 0.0, 1.0)
+    return 5000
+
+
+def test_a_crack_that_runs_gets_further_by_its_momentum():
+    costs = Costs()
+    with_momentum = iterations_of_a_running_crack(Momentum(Anderson(5), costs))
+    assert 2 * with_momentum < iterations_of_a_running_crack(Anderson(5))
+    assert 0 < costs.count["momentum_iterations"] <= with_momentum
+
+
+def test_what_settles_has_no_momentum():
+    costs, x, y = Costs(), np.zeros(3), np.zeros(3)
+    momentum, anderson, limit = Momentum(Anderson(5), costs), Anderson(5), np.array([0.01, 0.02, 0.03])
+    for _ in range(6):
+        x, y = momentum.next(x, 0.5 * (x + limit)), anderson.next(y, 0.5 * (y + limit))
+        assert np.array_equal(x, y)
+    assert costs.count["momentum_iterations"] == 0 and not momentum.crack_runs
+
+
+def test_momentum_that_goes_uphill_is_refused_and_at_last_given_up_and_each_is_counted():
+    costs, x = Costs(), np.zeros(1)
+    momentum = Momentum(Anderson(5), costs)
+    for iteration in range(200):
+        x = momentum.next(x, x + (0.01 if iteration % 10 < 8 else -0.01))
+    assert costs.count["momentum_refused"] == LARGEST_REFUSALS
+    assert costs.count["momentum_given_up"] == 1
 
 
 def test_load_ratio_scales_where_it_can():
