@@ -128,7 +128,7 @@ class Staggered(Table):
     passes: Annotated[Whole, Field(ge=1, le=10_000)] = 1
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6
-    acceleration: Literal["anderson", "momentum", "none"] = "anderson"
+    acceleration: Literal["anderson", "momentum", "none"] = "momentum"
     memory: Annotated[Whole, Field(ge=0, le=20)] = 5
     largest_iterations: Annotated[Whole, Field(ge=1, le=1_000_000)] = 2000
     irreversible: Switch = True
