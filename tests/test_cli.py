@@ -175,6 +175,17 @@ def test_a_mistake_is_one_sentence_on_stderr_and_exit_code_3(
     assert captured.out == ""
 
 
+def test_ctrl_c_is_one_sentence_wherever_it_comes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "list_cases", interrupt)
+    assert cli._exit_code(["list"]) == cli.INTERRUPTED
+    assert capsys.readouterr().err == f"{cli.STOPPED}\n"
+
+
 def test_a_damaged_run_is_missing_in_the_verdict_not_a_crash(
     tmp_path: Path, options: tuple[str, ...]
 ) -> None:

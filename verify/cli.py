@@ -735,6 +735,11 @@ def calibrate(
 # ---------------------------------------------------------------------------------------------------- main
 
 
+#: what typer makes of Ctrl-C
+INTERRUPTED = 130
+STOPPED = "Stopped: what is finished is kept; the same command does the rest, `verify run --resume` behind checkpoints."
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the command ``verify``; a user's mistake gets one sentence on stderr, no traceback."""
     sys.exit(_exit_code(arguments))
@@ -742,7 +747,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _exit_code(arguments: list[str] | None) -> int:
     try:
-        return app(args=arguments, standalone_mode=False) or 0
+        code = app(args=arguments, standalone_mode=False) or 0
+        return _say(STOPPED, code) if code == INTERRUPTED else code
     except UserError as error:
         return _say(str(error), error.exit_code)
     except typer.Abort:
