@@ -1,5 +1,6 @@
 """Fields from elsewhere: from files of any kind to crack path and figures; what is missing is one sentence."""
 
+import locale
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,9 @@ def xdmf(mesh: pyvista.UnstructuredGrid) -> str:
 
 @pytest.mark.parametrize("name", ["a.vtu", "a.vtk", "a.xdmf"])
 def test_a_file_gives_phase_field_displacement_and_their_gradient(name: str, case: Case, tmp_path: Path) -> None:
-    ((_, state),) = read_states(fields(saved(plate(case), tmp_path / name)), case)
+    file, before = saved(plate(case), tmp_path / name), locale.setlocale(locale.LC_ALL)
+    ((_, state),) = read_states(fields(file), case)
+    assert locale.setlocale(locale.LC_ALL) == before
     assert state.volume.sum() == pytest.approx(case.plane.thickness * np.prod(np.subtract(*case.bounding_box()[::-1])))
     assert state.phase_field.min() < 0.2 and state.phase_field.max() > 0.95
     assert np.ptp(state.displacement[:, 1]) == pytest.approx(0.01, rel=1e-3)

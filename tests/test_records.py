@@ -226,7 +226,7 @@ def test_the_page_of_all_cases_has_their_fronts_and_their_borders(recorded: Case
     plain = load_case(fake_solver.write_case(tmp_path / "plain"), "quick")
     (out / "summary.json").write_text(json.dumps(summarise([recorded, plain], "quick", out)))
     index = write_report(out)
-    page = (out / "studies.html").read_text()
+    page = (out / "studies.html").read_text(encoding="utf-8")
     assert 'href="studies.html"' in index.read_text() and 'href="pages/square-quick.html">Softening square' in page
     assert '<td class="n">cell size h [mm]</td>' in page and re.search(r'<td class="n">0\.09\d+</td>', page)
     assert "within 1 % → within 5 %" in page and "(first order)" in page

@@ -183,7 +183,7 @@ def test_a_rigid_solver_needs_the_table_rocking(tmp_path):
 
 
 def test_a_map_tells_what_becomes_of_the_block_and_where_theory_has_the_border(tmp_path):
-    text = load_case("rocking_pendulum", "quick").source.read_text()
+    text = load_case("rocking_pendulum", "quick").source.read_text(encoding="utf-8")
     diagram = (
         '[maps.diagram]\nrun = "pendulum"\nborders = ["winkler"]\nbisections = 3\nlogarithmic = false\n'
         'change = { rocking = { borders = [2.0, 3.0] } }\n'

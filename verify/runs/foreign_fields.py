@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import locale
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -46,7 +47,18 @@ def read_states(fields: ForeignFields, case: Case) -> list[tuple[float | None, F
     ImportedError : nothing that can be read, no such array, another unit, three dimensions without a cut
     """
     reading = _Reading(fields, case)
-    return [(time, reading.fields_of(mesh)) for time, mesh in _meshes(fields)]
+    with _same_locale():
+        return [(time, reading.fields_of(mesh)) for time, mesh in _meshes(fields)]
+
+
+@contextmanager
+def _same_locale() -> Iterator[None]:
+    """VTK's reader of legacy files leaves the process in the locale "C", in which Python opens text as ASCII."""
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
 
 
 def _meshes(fields: ForeignFields) -> Iterator[tuple[float | None, pyvista.UnstructuredGrid]]:
