@@ -175,6 +175,19 @@ def test_a_mistake_is_one_sentence_on_stderr_and_exit_code_3(
     assert captured.out == ""
 
 
+@pytest.mark.parametrize("file", [None, "out/figures"])
+def test_a_disk_that_takes_no_more_is_one_sentence(
+    file: str | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def write() -> None:
+        raise OSError(28, "No space left on device", file)
+
+    monkeypatch.setattr(cli, "list_cases", write)
+    assert cli._exit_code(["list"]) == cli.RUN_FAILED
+    said = f"{file or 'The disk'}: no space left on device; make room, or name another folder.\n"
+    assert capsys.readouterr().err == said
+
+
 def test_ctrl_c_is_one_sentence_wherever_it_comes(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,6 +3,7 @@
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked, 5 internal error.
 """
 
+import errno
 import math
 import sys
 import tempfile
@@ -735,6 +736,8 @@ def calibrate(
 # ---------------------------------------------------------------------------------------------------- main
 
 
+#: a disk that takes no more; a write in the middle of a file names none
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 #: what typer makes of Ctrl-C
 INTERRUPTED = 130
 STOPPED = "Stopped: what is finished is kept; the same command does the rest, `verify run --resume` behind checkpoints."
@@ -762,6 +765,9 @@ def _exit_code(arguments: list[str] | None) -> int:
         sys.stderr.close()
         return 0
     except OSError as error:
+        if error.errno in NO_ROOM:
+            where = error.filename or "The disk"
+            return _say(f"{where}: {_reason(error)}; make room, or name another folder.", RUN_FAILED)
         return _internal(error, arguments) if error.filename is None else _say(_refused(error), BAD_INPUT)
     except Exception as error:
         return _internal(error, arguments)
@@ -769,7 +775,11 @@ def _exit_code(arguments: list[str] | None) -> int:
 
 def _refused(error: OSError) -> str:
     """A file or folder that the system does not let us read or write."""
-    return f"{error.filename}: {(error.strerror or str(error)).lower()}; make it readable and writable, or name another."
+    return f"{error.filename}: {_reason(error)}; make it readable and writable, or name another."
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()
 
 
 def _internal(error: Exception, arguments: list[str] | None) -> int:
