@@ -136,6 +136,17 @@ class _Limits:
         )
 
 
+def _first_advance(discretisation: QuasiStaticDiscretisation, outcome: StepOutcome) -> float:
+    """Fracture energy of the first state beyond that of the notches."""
+    if np.array_equal(outcome.history_field, discretisation.history_field):
+        return 0.0
+    reached, nodal = discretisation.energies()[1], discretisation.nodal_phase_field
+    discretisation.solve_phase_field(discretisation.history_field)
+    of_notches = discretisation.energies()[1]
+    discretisation.set_phase_field(nodal)
+    return reached - of_notches
+
+
 class _LoadPath:
     """The march along the load path."""
 
@@ -181,7 +192,7 @@ class _LoadPath:
     def _first_state(self) -> Increment:
         """The state at the path's first load, or the report that there is none."""
         outcome, problem = self._try(self.case, self.load, cautious=False)
-        if not problem and self.limits.adaptive and self._first_advance(outcome) > self.limits.energy:
+        if not problem and self.limits.adaptive and _first_advance(self.discretisation, outcome) > self.limits.energy:
             problem = TOO_FAR
         if not problem:
             return self._first_state() if self._refine() else self._accept(self.load, outcome)
@@ -194,17 +205,6 @@ class _LoadPath:
             reason=f"{problem} in the first state, u = {self.load:g}; begin load.path at a smaller load",
         )  # fmt: skip
         return self.last
-
-    def _first_advance(self, outcome: StepOutcome) -> float:
-        """Fracture energy of the first state beyond that of the notches."""
-        discretisation = self.discretisation
-        if np.array_equal(outcome.history_field, discretisation.history_field):
-            return 0.0
-        reached, nodal = discretisation.energies()[1], discretisation.nodal_phase_field
-        discretisation.solve_phase_field(discretisation.history_field)
-        of_notches = discretisation.energies()[1]
-        discretisation.set_phase_field(nodal)
-        return reached - of_notches
 
     def _advance(self, target: float) -> Increment:
         """One accepted increment towards the target, or the report that there is none."""

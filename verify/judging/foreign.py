@@ -356,7 +356,8 @@ def _elastic_line(curve: Curve) -> tuple[float, float]:
     places = np.linspace(0.1, 0.4, 13) * way.max()
     force = np.interp(places, np.maximum.accumulate(way), curve.F[: end + 1])
     slope, offset = np.polyfit(places, force, 1)
-    return curve.direction * float(slope), float(curve.u[0] - curve.direction * offset / slope)
+    start = curve.u[0] - curve.direction * offset / slope if slope else np.nan
+    return curve.direction * float(slope), float(start)
 
 
 def _expected(case: Case, out: Path) -> tuple[str, Curve]:
