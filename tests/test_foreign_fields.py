@@ -15,7 +15,7 @@ from cases.foreign_fields import ForeignFields, parse_arrays
 from cases.loader import read_tables
 from reports.report import SECTIONS
 from verify import judge
-from verify.runs.foreign_fields import read_states
+from verify.runs.foreign_fields import read_states, same_locale
 from verify.runs.imported_error import ImportedError
 from verify.runs.running import run
 
@@ -52,7 +52,8 @@ def saved(mesh: pyvista.UnstructuredGrid, file: Path) -> Path:
     if file.suffix == ".xdmf":
         file.write_text(xdmf(mesh.triangulate()), encoding="utf-8")
     else:
-        mesh.save(file)
+        with same_locale():
+            mesh.save(file)
     return file
 
 

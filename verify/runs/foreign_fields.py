@@ -47,13 +47,13 @@ def read_states(fields: ForeignFields, case: Case) -> list[tuple[float | None, F
     ImportedError : nothing that can be read, no such array, another unit, three dimensions without a cut
     """
     reading = _Reading(fields, case)
-    with _same_locale():
+    with same_locale():
         return [(time, reading.fields_of(mesh)) for time, mesh in _meshes(fields)]
 
 
 @contextmanager
-def _same_locale() -> Iterator[None]:
-    """VTK's reader of legacy files leaves the process in the locale "C", in which Python opens text as ASCII."""
+def same_locale() -> Iterator[None]:
+    """VTK's legacy reader and writer leave the process in the locale "C", in which Python opens text as ASCII."""
     before = locale.setlocale(locale.LC_ALL)
     try:
         yield
