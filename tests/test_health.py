@@ -231,3 +231,28 @@ def test_what_a_notch_drawn_by_its_history_damages_is_no_crack_in_coarse_cells(t
     mesh = {"h": 0.1, "coarse": 0.2, "fine": {"lower": [0.8, 0.8], "upper": [1.0, 1.0]}}
     tables = {**PLATE, "materials": BREAKABLE, "notches": [notch], "mesh": mesh}
     assert "coarse_crack" not in examined(case_from_tables(tables, run="fem"), tmp_path, "fem")
+
+
+@pytest.mark.parametrize(("element", "order"), [("quad", 1), ("triangle", 1), ("quad", 2), ("quad", 3)])
+def test_what_the_cells_at_the_tips_of_a_slit_cost_is_told_in_advance(element, order, tmp_path):
+    """A square of side 1 with a crack of half its width: the force at h / 4 stands for that without an error."""
+    solver = "fem" if order == 1 else "mpm"
+
+    def force(h):
+        square = {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}
+        changes = {"mesh": {"h": h, "element": element}, "mpm": {"order": order, "points_per_cell": 3}}
+        tables = {
+            **PLATE, **changes, "bodies": {"plate": square}, "notches": [slit(0.25, 0.75)],
+            "constraints": [
+                *({"on": "bottom", "direction": direction, "value": 0} for direction in "xy"),
+                {"on": "top", "direction": "y", "scale": 1},
+            ],
+            "runs": {solver: {"solver": solver}},
+        }  # fmt: skip
+        done = running.run(case_from_tables(tables, run=solver), solver, out=tmp_path / str(h), threads=1)
+        return done.history["F"].iloc[-1], done.info["health"]["coarse_tips"]
+
+    (coarse, told), (fine, less) = force(0.05), force(0.0125)
+    true = (coarse - fine) / fine
+    assert told - less == pytest.approx(true, rel=0.15)
+    assert (told > INDICATORS["coarse_tips"].limit) == (order == 1)
