@@ -27,6 +27,8 @@ RESIDUAL = 1e-4
 SMOOTH_RESIDUAL = 5e-3
 #: stiffness of the pull towards the start of the solution, over the largest source and over the node's diagonal
 PULL, PULL_OF_DIAGONAL = 1e-4, 1e-6
+#: no row of a stretch has such a neighbour
+NOWHERE = np.iinfo(np.int64).max
 NOT_FOUND = "the phase field of a time step was not found; its equations are too stiff or hold a value that is not finite"
 
 
@@ -125,48 +127,110 @@ def conjugate_gradients(
     return correction, iterations
 
 
+@njit(cache=True)
+def _stretches(neighbours):
+    """Starts (m + 1,) of stretches of rows in which neighbours are as far away in every row that has them, and how far
+    (m, s)."""
+    n, s = neighbours.shape
+    starts, away, count = np.empty(n + 1, np.int64), np.full((n, s), NOWHERE), 0
+    for i in range(n):
+        others = 0
+        for entry in range(s):
+            so_far = away[max(count - 1, 0), entry]
+            others += (neighbours[i, entry] < n) & (so_far != NOWHERE) & (so_far != neighbours[i, entry] - i)
+        if others or count == 0:
+            starts[count], away[count] = i, NOWHERE
+            count += 1
+        for entry in range(s):
+            if neighbours[i, entry] < n:
+                away[count - 1, entry] = neighbours[i, entry] - i
+    starts[count] = n
+    return starts[: count + 1].copy(), away[:count].copy()
+
+
+@njit(cache=True)
+def _add_products(one, other, total):
+    for i in range(len(total)):
+        total[i] += one[i] * other[i]
+
+
 @njit(cache=True, parallel=True)
-def row_products(neighbours, values, vector, product):
-    """Products (n,) of rows with a vector that has a value for each neighbour."""
-    for i in prange(neighbours.shape[0]):
-        total = 0.0
-        for s in range(neighbours.shape[1]):
-            total += values[i, s] * vector[neighbours[i, s]]
-        product[i] = total
+def _products(starts, away, entries, margin, vector, product):
+    """Products (n,) of rows, whose ``entries`` (s, n) are kept by columns, with a vector between two margins of zeros."""
+    for stretch in prange(len(away)):
+        first, last = starts[stretch], starts[stretch + 1]
+        total = product[first:last]
+        total[:] = 0.0
+        for entry in range(len(entries)):
+            if away[stretch, entry] != NOWHERE:
+                there = margin + first + away[stretch, entry]
+                _add_products(entries[entry, first:last], vector[there : there + last - first], total)
+
+
+@njit(cache=True)
+def _dot(one, other):
+    """Sum of products, in four parts that do not wait for one another."""
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    fours = len(one) // 4 * 4
+    for i in range(0, fours, 4):
+        a += one[i] * other[i]
+        b += one[i + 1] * other[i + 1]
+        c += one[i + 2] * other[i + 2]
+        d += one[i + 3] * other[i + 3]
+    for i in range(fours, len(one)):
+        a += one[i] * other[i]
+    return (a + b) + (c + d)
+
+
+@njit(cache=True)
+def _within(residual, allowed):
+    beyond = 0
+    for i in range(len(residual)):
+        beyond += not abs(residual[i]) <= allowed[i]
+    return beyond == 0
+
+
+@njit(cache=True)
+def _entries(neighbours, values):
+    """Entries (s, n) by columns; zero where there is no neighbour."""
+    n, s = values.shape
+    entries = np.empty((s, n))
+    for i in range(n):
+        for entry in range(s):
+            entries[entry, i] = values[i, entry] if neighbours[i, entry] < n else 0.0
+    return entries
 
 
 @njit(cache=True)
 def _solve_rows(neighbours, values, diagonal, right_side, pull, allowed, solution):
     n = solution.size
-    direction, product = np.zeros(n + 1), np.empty(n)
-    residual, scale = right_side.copy(), np.empty(n)
-    old, done = 0.0, True
+    starts, away = _stretches(neighbours)
+    margin = max(0, np.where(away == NOWHERE, 0, np.abs(away)).max())
+    entries = _entries(neighbours, values)
+    padded, product = np.zeros(n + 2 * margin), np.empty(n)
+    direction = padded[margin : margin + n]
+    residual, scale, scaled = right_side.copy(), np.empty(n), np.empty(n)
     for i in range(n):
         # what hardly any point sees, a node or a combination of them, would grow without bound
-        values[i, diagonal[i]] += pull + PULL_OF_DIAGONAL * values[i, diagonal[i]]
-        scale[i] = 1.0 / values[i, diagonal[i]]
-        direction[i] = residual[i] * scale[i]
-        old += residual[i] * direction[i]
-        done = done and abs(residual[i]) <= allowed[i]
+        entries[diagonal[i], i] += pull + PULL_OF_DIAGONAL * entries[diagonal[i], i]
+        scale[i] = 1.0 / entries[diagonal[i], i]
+        scaled[i] = residual[i] * scale[i]
+        direction[i] = scaled[i]
+    old = _dot(residual, scaled)
     for iteration in range(10 * n + 10):
-        if done:
+        if _within(residual, allowed):
             return iteration
-        row_products(neighbours, values, direction, product)
+        _products(starts, away, entries, margin, padded, product)
         # a sum of the linear algebra's library would depend on its number of threads
-        curvature = 0.0
-        for i in range(n):
-            curvature += direction[i] * product[i]
-        step = old / curvature
+        step = old / _dot(direction, product)
         if not np.isfinite(step):
             return -1
-        new, done = 0.0, True
         for i in range(n):
             solution[i] += step * direction[i]
             residual[i] -= step * product[i]
-            new += residual[i] * residual[i] * scale[i]
-            done = done and abs(residual[i]) <= allowed[i]
-        ratio = new / old
+            scaled[i] = residual[i] * scale[i]
+        new = _dot(residual, scaled)
+        ratio, old = new / old, new
         for i in range(n):
-            direction[i] = residual[i] * scale[i] + ratio * direction[i]
-        old = new
+            direction[i] = scaled[i] + ratio * direction[i]
     return -1

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from cases import Case
 from mpm.explicit import phase_field_kernels
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.phase_field_kernels import CellEquations, NodalPhaseField, PhaseFieldLaw
 from numerics.costs import Costs
-from numerics.phase_field_window import BLOCK, RESIDUAL, RINGS, SMOOTH_RESIDUAL, conjugate_gradients, fold, row_products
+from numerics.phase_field_window import BLOCK, RESIDUAL, RINGS, SMOOTH_RESIDUAL, conjugate_gradients, fold
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients
 
@@ -26,7 +25,6 @@ SANE = (-1.0, 2.0)
 LARGEST_DRIVE = 1e4
 #: toughness of parts that cannot break over the body's, which holds the phase field at 1 beside them (thesis 7.4.2.1)
 TOUGHER = 1000.0
-_SQUARE = np.ones((3, 3), bool)
 
 
 class PointPhaseField:
@@ -67,12 +65,11 @@ class PointPhaseField:
         if not marked.any():
             return
         self._keep_nodes()
-        solved = binary_dilation(marked, _SQUARE, iterations=RINGS + 1)
-        cells = self._cells_of(solved)
+        cells = self._cells_around(marked, RINGS + 1)
         iterations = self._solve_on(cells, history)
         self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
         inside = np.zeros(len(self._nodal), bool)
-        inside[self._cells_of(binary_dilation(marked, _SQUARE, iterations=RINGS))] = True
+        inside[self._cells_around(marked, RINGS)] = True
         nodal = NodalPhaseField(self._body.window.width, inside, self._nodal)
         self._map_to_points(nodal, history, now)
 
@@ -114,35 +111,46 @@ class PointPhaseField:
             nodal[here] = old[there]
         self._window, self._nodal = (corner.copy(), shape.copy()), nodal.reshape(-1)
 
-    def _cells_of(self, blocks: NDArray) -> NDArray:
-        """Cells (m,) of the marked blocks, as numbers of their first nodes."""
-        order, shape = self._body.lattice.order, self._body.window.shape
-        mask = np.repeat(np.repeat(blocks, self._block, axis=0), self._block, axis=1)
-        mask = mask[: shape[0] - order, : shape[1] - order]
-        i, j = np.nonzero(mask)
-        return i * shape[1] + j
+    def _cells_around(self, marked: NDArray, rings: int) -> NDArray:
+        """Cells (m,) within so many rings of the marked blocks, as numbers of their first nodes."""
+        lattice, shape = self._body.lattice, self._body.window.shape
+        return phase_field_kernels.cells_around(marked, rings, self._block, shape, lattice.order)
 
     def _solve_on(self, cells: NDArray, history: NDArray) -> int:
         """Find the nodal phase field on cells; returns the number of iterations."""
-        order, h, window, p = self._body.lattice.order, self._body.lattice.h, self._body.window, self._body.points
-        k, width = order + 1, window.width
-        number = np.full(len(self._nodal), -1, np.int32)
+        equations = self._equations(cells, history)
+        order, width = self._body.lattice.order, self._body.window.width
+        rows = phase_field_kernels.number_rows(cells, order, width, self._held(equations.number))
+        n, reach = len(rows.nodes), 2 * order + 1
+        # one row more stands for all nodes that do not take part
+        values, right_side = np.zeros((n + 1, reach * reach)), np.zeros(n + 1)
+        fold(rows.of_cells, self._slots, equations.local, equations.right_side, values, right_side)
+        self._nodal[rows.nodes] = np.clip(self._nodal[rows.nodes], *SANE)
+        correction, iterations = conjugate_gradients(
+            rows.neighbours, values[:-1], np.full(n, reach * reach // 2),
+            phase_field_kernels.left_over(rows.nodes, order, width, values, self._nodal, right_side),
+            right_side[:-1], SMOOTH_RESIDUAL if self._law.bending else RESIDUAL,
+        )  # fmt: skip
+        self._nodal[rows.nodes] += correction
+        return iterations
+
+    def _equations(self, cells: NDArray, history: NDArray) -> CellEquations:
+        """Equations of cells (m,), summed up over their points."""
+        lattice, window, p = self._body.lattice, self._body.window, self._body.points
+        order, over_h = lattice.order, 1.0 / lattice.h
+        number, size = np.full(len(self._nodal), -1, np.int32), (order + 1) ** 2
         number[cells] = np.arange(len(cells), dtype=np.int32)
-        local, right_side = np.zeros((len(cells), k * k * (k * k + 1) // 2)), np.zeros((len(cells), k * k))
-        equations = CellEquations(width, number, local, right_side)
+        halves, right_side = np.zeros((len(cells), size * (size + 1) // 2)), np.zeros((len(cells), size))
+        equations = CellEquations(window.width, number, halves, right_side)
         matter = p.matter
         if self._breakable is not None:
             matter = matter._replace(volume=np.where(self._breakable[p.number], 1.0, TOUGHER) * matter.volume)
-        phase_field_kernels.add_points(
-            order, window.strips, p.motion, matter, history, self._law, 1.0 / h, equations
-        )
+        phase_field_kernels.add_points(order, window.strips, p.motion, matter, history, self._law, over_h, equations)
         if self._law.bending:
             phase_field_kernels.add_curvature_terms(
-                order, window.strips, p.motion, matter, p.axes, self._law, 1.0 / h, equations
+                order, window.strips, p.motion, matter, p.axes, self._law, over_h, equations
             )
-        offsets = (np.arange(k)[:, None] * width + np.arange(k)).ravel()
-        nodes_of_cells = (cells[:, None] + offsets).astype(np.int32)
-        return self._solve_rows(number, nodes_of_cells, local, right_side)
+        return equations
 
     def _held(self, number: NDArray) -> NDArray:
         """Nodes (n_nodes,) that keep their value: at order 4, those of points in cells outside the window."""
@@ -150,32 +158,6 @@ class PointPhaseField:
         if self._law.bending:
             phase_field_kernels.mark_outside(body.lattice.order, body.points.motion, body.window.width, number, held)
         return held
-
-    def _solve_rows(self, number: NDArray, nodes_of_cells: NDArray, local: NDArray, parts: NDArray) -> int:
-        """Each row couples a node with those up to ``order`` away in both directions."""
-        order, width = self._body.lattice.order, self._body.window.width
-        used = np.zeros(len(self._nodal), bool)
-        used[nodes_of_cells.ravel()] = True
-        used[self._held(number)] = False
-        nodes = np.flatnonzero(used)
-        # one row more stands for all nodes that do not take part
-        rows = np.full(len(self._nodal), len(nodes), np.int32)
-        rows[nodes] = np.arange(len(nodes), dtype=np.int32)
-        span = np.arange(-order, order + 1)
-        near = nodes[:, None] + (span[:, None] * width + span).ravel()
-        neighbours = rows[np.clip(near, 0, len(rows) - 1)]
-        values, right_side = np.zeros((len(nodes) + 1, len(span) ** 2)), np.zeros(len(nodes) + 1)
-        self._nodal[nodes] = np.clip(self._nodal[nodes], *SANE)
-        fold(rows[nodes_of_cells], self._slots, local, parts, values, right_side)
-        product, diagonal = np.empty(len(nodes)), np.full(len(nodes), len(span) ** 2 // 2)
-        row_products(np.clip(near, 0, len(rows) - 1), values, self._nodal, product)
-        sources = right_side[:-1]
-        correction, iterations = conjugate_gradients(
-            neighbours, values[:-1], diagonal, sources - product, sources,
-            SMOOTH_RESIDUAL if self._law.bending else RESIDUAL,
-        )
-        self._nodal[nodes] += correction
-        return iterations
 
     @property
     def _slots(self) -> NDArray:

@@ -212,3 +212,82 @@ def mark_outside(order, motion, width, number, held):
             for a in range(order + 1):
                 for b in range(order + 1):
                     held[cell + a * width + b] = True
+
+
+@njit(cache=True)
+def cells_around(marked, rings, block, shape, order):
+    """Cells (m,) in the blocks within so many ``rings`` of a marked one, as numbers of their first nodes.
+
+    ``shape`` (2,) is that of the window in nodes.
+    """
+    chosen = np.zeros(marked.shape, np.bool_)
+    for a in range(marked.shape[0]):
+        for b in range(marked.shape[1]):
+            if marked[a, b]:
+                chosen[max(0, a - rings) : a + rings + 1, max(0, b - rings) : b + rings + 1] = True
+    n_x, n_y = shape[0] - order, shape[1] - order
+    cells, count = np.empty(n_x * n_y, np.int64), 0
+    for i in range(n_x):
+        for b in range(marked.shape[1]):
+            if chosen[i // block, b]:
+                for j in range(b * block, min(n_y, (b + 1) * block)):
+                    cells[count] = i * shape[1] + j
+                    count += 1
+    return cells[:count].copy()
+
+
+class Rows(NamedTuple):
+    """Which ``nodes`` (n,) are solved for; the row of their ``neighbours`` (n, (2 order + 1)²), and those of the nodes
+    ``of_cells`` (m, (order + 1)²); n stands for nodes that are not."""
+
+    nodes: NDArray
+    neighbours: NDArray
+    of_cells: NDArray
+
+
+@njit(cache=True)
+def number_rows(cells, order, width, held):
+    """Number the nodes of cells that are not held (n_nodes,) in the order of the window."""
+    k, reach = order + 1, 2 * order + 1
+    rows = np.full(len(held), -1, np.int32)
+    for cell in cells:
+        for a in range(k):
+            for b in range(k):
+                rows[cell + a * width + b] = 0
+    n = 0
+    for node in range(len(held)):
+        if rows[node] == 0 and not held[node]:
+            n += 1
+    nodes, row = np.empty(n, np.int64), 0
+    for node in range(len(held)):
+        if rows[node] == 0 and not held[node]:
+            nodes[row], rows[node] = node, row
+            row += 1
+        else:
+            rows[node] = n
+    neighbours, of_cells = np.full((n, reach * reach), n, np.int32), np.empty((len(cells), k * k), np.int32)
+    for row in range(n):
+        for a in range(reach):
+            for b in range(reach):
+                near = nodes[row] + (a - order) * width + b - order
+                if 0 <= near < len(rows):
+                    neighbours[row, a * reach + b] = rows[near]
+    for c in range(len(cells)):
+        for a in range(k):
+            for b in range(k):
+                of_cells[c, a * k + b] = rows[cells[c] + a * width + b]
+    return Rows(nodes, neighbours, of_cells)
+
+
+@njit(cache=True)
+def left_over(nodes, order, width, values, nodal, sources):
+    """Residual (n,) of rows at the nodal values that there are."""
+    reach = 2 * order + 1
+    residual = sources[: len(nodes)].copy()
+    for row in range(len(nodes)):
+        for a in range(reach):
+            for b in range(reach):
+                near = nodes[row] + (a - order) * width + b - order
+                if 0 <= near < len(nodal):
+                    residual[row] -= values[row, a * reach + b] * nodal[near]
+    return residual
