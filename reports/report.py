@@ -18,6 +18,7 @@ from markupsafe import Markup, escape
 
 from cases import UserError
 from verify.judging import coverage
+from verify.runs.atomic import NO_ROOM
 
 from . import (  # isort: skip
     arch, charts, curves, fields, film, maps, motion, orientations, overview, rocking, rocking_diagram, scene, style,
@@ -211,10 +212,15 @@ def _sections_of(results: CaseResults) -> tuple[tuple[str, Callable[[CaseResults
 def _section(
     title: str, draw: Callable[[CaseResults, Path], Any], results: CaseResults, folder: Path
 ) -> Section:
-    """Draw one section; what cannot be drawn becomes a sentence on the page and a warning in the log."""
+    """Draw one section; what cannot be drawn becomes a sentence on the page and a warning in the log.
+
+    A disk that takes no more ends the report.
+    """
     try:
         drawn = draw(results, folder)
     except READING_ERRORS as problem:
+        if isinstance(problem, OSError) and problem.errno in NO_ROOM:
+            raise
         logger.warning("%s: %s could not be drawn: %s", results.name, title.lower(), problem)
         return Section(title, problem=f"{type(problem).__name__}: {str(problem).replace(f'{results.out}/', '')}")
     drawings = drawn if isinstance(drawn, list) else [drawn]

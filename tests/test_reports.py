@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import html
 import json
@@ -300,6 +301,15 @@ def test_curves_that_cannot_be_compared_are_named_with_the_reason(copied: Path) 
     page = text_of(pages(copied)[1])
     assert "Curves not compared: fem vs x: covers only 57.0% of the loaded range of reference x" in page
     assert not list((copied / "figures").rglob("relative-error-*.svg"))
+
+
+def test_a_disk_that_fills_up_ends_the_report_and_spoils_no_figure(copied: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.EDQUOT, "Disk quota exceeded")
+
+    monkeypatch.setattr("reports.report.SECTIONS", (("Forces", full),))
+    with pytest.raises(OSError, match="quota"):
+        write_report(copied)
 
 
 def test_a_solver_that_nobody_registered_is_shown_under_its_name(copied: Path) -> None:

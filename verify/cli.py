@@ -3,7 +3,6 @@
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked, 5 internal error.
 """
 
-import errno
 import math
 import sys
 import tempfile
@@ -29,7 +28,7 @@ from verify.judging.acceptance import accept
 from verify.judging.judge import checks_of, find_runs
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.views import check_name, check_sentence, counts, failed_runs, needed_records, suspect_runs
-from verify.runs.atomic import write_table
+from verify.runs.atomic import NO_ROOM, write_table
 from verify.runs.jobs import Job, Outcome, outcomes
 from verify.runs.provenance import code_version
 from verify.runs.refusals import refusals
@@ -736,8 +735,6 @@ def calibrate(
 # ---------------------------------------------------------------------------------------------------- main
 
 
-#: a disk that takes no more; a write in the middle of a file names none
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 #: what typer makes of Ctrl-C
 INTERRUPTED = 130
 STOPPED = "Stopped: what is finished is kept; the same command does the rest, `verify run --resume` behind checkpoints."
@@ -765,7 +762,7 @@ def _exit_code(arguments: list[str] | None) -> int:
         sys.stderr.close()
         return 0
     except OSError as error:
-        if error.errno in NO_ROOM:
+        if error.errno in NO_ROOM:  # in the middle of a file it names none
             where = error.filename or "The disk"
             return _say(f"{where}: {_reason(error)}; make room, or name another folder.", RUN_FAILED)
         return _internal(error, arguments) if error.filename is None else _say(_refused(error), BAD_INPUT)

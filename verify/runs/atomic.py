@@ -11,6 +11,9 @@ import pandas as pd
 
 from cases.errors import UserError
 
+#: a disk that takes no more
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+
 
 class WriteError(UserError):
     """A result could not be written; its text is one sentence with the path and a remedy."""
