@@ -89,8 +89,9 @@ def fold(rows_of_cells, slots, local, parts, values, right_side):
     """Add cells' equations to rows with a fixed number of entries, in the order of the cells.
 
     rows_of_cells : (m, k) row of each node, n_rows for none. slots : (m or 1, k, k) entry of its row in which a node
-    couples with another one. local : (m, k (k + 1) / 2) upper halves. parts : (m, k) of the right side.
-    values : (n_rows + 1, s) and right_side : (n_rows + 1,), the last row to be ignored.
+    couples with another one; both unsigned, so that no index is looked at for whether it counts from the end.
+    local : (m, k (k + 1) / 2) upper halves. parts : (m, k) of the right side. values : (n_rows + 1, s) and
+    right_side : (n_rows + 1,), the last row to be ignored.
     """
     k = rows_of_cells.shape[1]
     last = slots.shape[0] - 1

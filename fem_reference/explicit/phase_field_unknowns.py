@@ -122,8 +122,8 @@ class NodeRows:
         self._elements, self._n_nodes, self._places = elements, n_nodes, places
         self._near, self.own, slots = _neighbours(elements, n_nodes)
         if places > 1:
-            slots = np.repeat(_each_place(slots, places), places, axis=1).astype(np.int8)
-        self._slots = slots
+            slots = np.repeat(_each_place(slots, places), places, axis=1)
+        self._slots = slots.astype(np.uint8)
 
     def summed(self, cells: NDArray, nodes: NDArray, equations: LocalSystems) -> WindowRows:
         """Sum up the equations of elements (m,) for the nodes (n,) that they are solved for."""
@@ -131,7 +131,7 @@ class NodeRows:
         rows = np.full(self._n_nodes + 1, len(nodes), np.int32)
         rows[nodes] = np.arange(len(nodes), dtype=np.int32)
         near = np.repeat(np.minimum(_each_place(rows[self._near[nodes]], places), size), places, axis=0)
-        rows_of_cells = np.minimum(_each_place(rows[self._elements[cells]], places), size)
+        rows_of_cells = np.minimum(_each_place(rows[self._elements[cells]], places), size).astype(np.uint32)
         # one row more stands for all nodes that do not take part
         values, right_side = np.zeros((size + 1, near.shape[1])), np.zeros(size + 1)
         fold(rows_of_cells, self._slots[cells], *equations, values, right_side)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,13 +160,13 @@ class PointPhaseField:
             phase_field_kernels.mark_outside(body.lattice.order, body.points.motion, body.window.width, number, held)
         return held
 
-    @property
+    @cached_property
     def _slots(self) -> NDArray:
         """Entry (1, k², k²) of a node's row in which another node of the cell stands."""
         order = self._body.lattice.order
         across, up = (place.ravel() for place in np.indices((order + 1, order + 1)))
         away = across - across[:, None] + order, up - up[:, None] + order
-        return (away[0] * (2 * order + 1) + away[1])[None]
+        return (away[0] * (2 * order + 1) + away[1])[None].astype(np.uint8)
 
     def fracture_energy(self) -> float:
         """Energy of the body's cracks [energy] (Eq. 2.49)."""

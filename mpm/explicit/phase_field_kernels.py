@@ -265,7 +265,7 @@ def number_rows(cells, order, width, held):
             row += 1
         else:
             rows[node] = n
-    neighbours, of_cells = np.full((n, reach * reach), n, np.int32), np.empty((len(cells), k * k), np.int32)
+    neighbours, of_cells = np.full((n, reach * reach), n, np.int32), np.empty((len(cells), k * k), np.uint32)
     for row in range(n):
         for a in range(reach):
             for b in range(reach):
