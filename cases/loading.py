@@ -177,8 +177,9 @@ class Dynamics(Table):
     flip : 1 updates the points' velocities by increments (FLIP, Eq. 6.43), 0 replaces them (PIC); between, a blend
     affine : map the points' velocity gradients to the grid too, so that a turning body keeps its spin: without it a
         node beside the edge takes the velocity of the points' middle, not that of its own place
-    order_of_update : strains before ("usl", as Algorithm 3) or after ("musl") the points' velocities, which are
-        then mapped to the grid again
+    order_of_update : strains after ("musl") or before ("usl", as Algorithm 3) the points' velocities, which "musl" maps
+        to the grid again: a light node at a free edge then takes no speed that its points do not have. With the affine
+        map it is "usl"
     rotation : "additive" sums small strains in fixed axes (Eq. 6.41); "corotational" turns them with the material
     settling : a damped stage before time 0 in which gravity comes on
     ground : how the ground moves from time 0 on
@@ -192,7 +193,7 @@ class Dynamics(Table):
     damping: Annotated[Rate, Field(ge=0)] = 0.0
     flip: Annotated[Number, Field(ge=0, le=1)] = 1.0
     affine: Switch = False
-    order_of_update: Literal["musl", "usl"] = "usl"
+    order_of_update: Literal["musl", "usl"] = "musl"
     rotation: Literal["additive", "corotational"] = "corotational"
     settling: Settling | None = None
     ground: Ground | None = None
@@ -208,6 +209,13 @@ class Dynamics(Table):
             remedy = "leave out time_step_rule and time_step_share, or time_step"
             raise BrokenRuleError("stands beside the rule for it", remedy, "time_step", self.time_step)
         return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _order_for_its_map(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("affine") is True:
+            return {"order_of_update": "usl"} | data
+        return data
 
     @model_validator(mode="after")
     def _keeps_gradients_that_are_updated(self) -> Dynamics:
