@@ -66,7 +66,7 @@ INDICATORS = {
     ),
     "coarse_tips": Indicator(
         "what the cells at the tips of slits make a whole body too stiff by, as a share of its energy",
-        0.025, "solvers whose bases differ part by 2 % there", "make mesh.h smaller at the tips, as by mesh.refine",
+        0.03, "solvers whose bases differ part by 2 % there", "make mesh.h smaller at the tips, as by mesh.refine",
     ),
     "coarse_crack": Indicator(
         "share of the new crack's energy in cells larger than the length scale, where cracks take too much force",
