@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -147,17 +147,22 @@ def _fits_dynamics(case: CaseDescription) -> None:
 
 
 def _free_rigid_bodies_are_free(case: CaseDescription) -> None:
-    """No constraint and no traction is on the outline of a body that moves as a rigid one."""
-    free = {name: body for name, body in case.bodies.items() if body.is_free_rigid and body.shape}
-    acting = [(f"{key}[{n}].on", item.on) for key in ("constraints", "tractions") for n, item in enumerate(getattr(case, key))]
-    for name, body in free.items():
-        corners = shapely.get_coordinates(body.outline().segmentize(case.mesh.h))
-        slack = SLACK * size_of(case.bounding_box())
-        for key, on in acting:
-            if case.boundaries[on].select(corners, slack, case.bounding_box()).any():
-                text = f"reaches the rigid body '{name}', which moves as gravity and contact alone have it"
-                remedy = f"choose a boundary away from it, or give bodies.{name}.rigid = false"
-                raise BrokenRuleError(text, remedy, key, on)
+    """No constraint and no traction reaches a body that moves as a rigid one."""
+    for name, body in case.bodies.items():
+        for key, on in what_reaches(case, name) if body.is_free_rigid and body.shape else ():
+            text = f"reaches the rigid body '{name}', which moves as gravity and contact alone have it"
+            remedy = f"choose a boundary away from it, or give bodies.{name}.rigid = false"
+            raise BrokenRuleError(text, remedy, key, on)
+
+
+def what_reaches(case: CaseDescription, name: str) -> Iterator[tuple[str, str]]:
+    """Keys and boundaries of the constraints and tractions on the outline of a body, found at places h apart."""
+    places = shapely.get_coordinates(case.bodies[name].outline().segmentize(case.mesh.h))
+    slack, box = SLACK * size_of(case.bounding_box()), case.bounding_box()
+    for key in ("constraints", "tractions"):
+        for number, item in enumerate(getattr(case, key)):
+            if case.boundaries[item.on].select(places, slack, box).any():
+                yield f"{key}[{number}].on", item.on
 
 
 def _is_not_passed_over(case: CaseDescription) -> None:
