@@ -26,12 +26,12 @@ class Body(Table):
 
     mesh : absolute path
     group : name of the group of the mesh's cells that the body is made of; all of them without
-    rigid : does not deform in a dynamic run: true keeps its velocity whatever it meets, "free" moves and turns as gravity,
-        the motion of the ground and contact have it
+    rigid : does not deform in a dynamic run: true keeps its velocity whatever it meets, "free" moves and turns as
+        gravity, the motion of the ground and contact have it
     velocity : at the start of a dynamic run, at the middle of the body's bounding box [length/time]
     unbreakable : parts in which the phase field of a dynamic run by material points stays 1
-    velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]]; the spin [[0, -w], [w, 0]] of a
-        free rigid body [1/time]
+    velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]]; of a free rigid body its
+        spin, [[0, -w], [w, 0]] [1/time]
     """
 
     material: Name
@@ -53,6 +53,13 @@ class Body(Table):
                 "is not a mesh file", f"give one of {', '.join(MESH_SUFFIXES)}", value=str(mesh)
             )
         return existing_file(mesh, info, "a mesh file")
+
+    @field_validator("rigid", mode="before")
+    @classmethod
+    def _is_rigid_or_not(cls, rigid: object) -> object:
+        if not isinstance(rigid, bool) and rigid != "free":
+            raise BrokenRuleError("is no way for a body to move", 'give true, false or "free"', value=rigid)
+        return rigid
 
     @model_validator(mode="after")
     def _has_one_geometry(self) -> Body:

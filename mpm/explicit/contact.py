@@ -30,8 +30,8 @@ class Touching(NamedTuple):
     """Nodes that a pair of bodies shares in a step, with room for more (m).
 
     ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) [length];
-    ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes, drags``
-    (m,) are the normal and tangential impulses of the last meeting [force time].
+    ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
+    and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
     """
 
     nodes: NDArray
@@ -89,7 +89,7 @@ class Pair:
         keeps, other_keeps = (body.keeps_velocity for body in self._bodies)
         self.on_floor = keeps or other_keeps
         self.is_free_rigid = any(not body.deforms and not body.keeps_velocity for body in self._bodies)
-        # the corners of other bodies are rounded on the grid: where one keeps its velocity, as floors do, its normal holds
+        # the corners of other bodies are rounded on the grid: the normal of one that keeps its velocity holds
         first, second = (body.keeps_velocity or body.name == case.contact.normals_of for body in self._bodies)
         self._holds = (first and not other_keeps, second and not keeps)
         self.touching, self.count = Touching.room(0), 0
@@ -157,7 +157,8 @@ class Contact:
         self._sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(2), np.zeros(len(COUNTERS), np.int64))
         kept = [body.velocity if isinstance(body, BodyOfKeptVelocity) else np.zeros(2) for body in bodies]
         self._kept_velocities = np.array(kept)
-        #: push on bodies that keep their velocity by columns of nodes since the last record, and between the last two [force time]
+        #: push on bodies that keep their velocity by columns of nodes, since the last record and between the last two
+        #: [force time]
         self._floor_load: dict[int, float] = {}
         self._last_floor_load: dict[int, float] = {}
 

@@ -167,8 +167,8 @@ def _refuse_free_rigid(case: Case, what: str, bodies: Sequence[MovingBody]) -> N
     free = next((body.name for body in bodies if not body.deforms and not body.keeps_velocity), None)
     if free is not None:
         raise GridError(
-            f"{case.source}: {what} the rigid body '{free}', which moves as gravity and contact alone have it; move it onto"
-            f" another body, or give bodies.{free}.rigid = false."
+            f"{case.source}: {what} the rigid body '{free}', which moves as gravity and contact alone have it; move it"
+            f" onto another body, or give bodies.{free}.rigid = false."
         )
 
 

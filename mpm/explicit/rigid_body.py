@@ -64,8 +64,8 @@ class BodyOfKeptVelocity(MovingBody):
 class FreeRigidBody(MovingBody):
     """It moves and turns as gravity, the motion of the ground and contact have it.
 
-    Its points stand where its centre of mass and its angle put them, so that its shape never drifts; nodes have its mass, by
-    which contact finds them, and no velocities of their own.
+    Its points stand where its centre of mass and its angle put them, so that its shape never drifts; nodes have its mass,
+    by which contact finds them, and no velocities of their own.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class FreeRigidBody(MovingBody):
 
 @njit(cache=True)
 def put_points(arms, centre, angle, velocity, h, motion):
-    """Places, in cells, and velocities of points at arms (n, 2) [length] about the centre (2,) of a body that has turned."""
+    """Places, in cells, and velocities of points at arms (n, 2) [length] about the centre (2,) of a body."""
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y, vx, vy, moved_x, moved_y = motion
     for p in range(len(arms)):

@@ -18,7 +18,7 @@ from mpm.explicit.rigid_body import FreeRigidBody
 
 #: what carries a node of a side: a mass of its own, a body that keeps its velocity, a free rigid body
 OWN_MASS, KEPT, FREE = range(3)
-#: change of a relative velocity, over the largest velocity, at which the impulses are found, and most passes over the nodes
+#: change of a relative velocity, over the largest, at which the impulses are found, and most passes over the nodes
 SOLVED, MOST_PASSES = 1e-11, 2000
 #: relative error of a condition at a node that counts as a violation
 ALLOWED = 1e-9
@@ -27,9 +27,9 @@ ALLOWED = 1e-9
 class RigidSide(NamedTuple):
     """One body of a pair of which one is free and rigid.
 
-    ``kind`` of what carries the nodes; ``mass, vx, vy`` of all nodes of its window; of a free rigid body ``velocity`` (3,)
-    x, y and spin, ``centre`` (2,) of mass from the window's first node [length], ``inverses`` (2,) of mass and moment of
-    inertia; ``h`` spacing and ``width`` of the window; the body's ``number``.
+    ``kind`` of what carries the nodes; ``mass, vx, vy`` of all nodes of its window; of a free rigid body ``velocity``
+    (3,) x, y and spin, ``centre`` (2,) of mass from the window's first node [length], ``inverses`` (2,) of mass and
+    moment of inertia; ``h`` spacing and ``width`` of the window; the body's ``number``.
     """
 
     kind: int
