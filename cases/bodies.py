@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -25,17 +26,19 @@ class Body(Table):
 
     mesh : absolute path
     group : name of the group of the mesh's cells that the body is made of; all of them without
-    rigid : keeps its velocity in a dynamic run, whatever it meets
+    rigid : does not deform in a dynamic run: true keeps its velocity whatever it meets, "free" moves and turns as
+        gravity, the motion of the ground and contact have it
     velocity : at the start of a dynamic run, at the middle of the body's bounding box [length/time]
     unbreakable : parts in which the phase field of a dynamic run by material points stays 1
-    velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]] [1/time]
+    velocity_gradient : and its change with x and y from there, [[vx,x, vx,y], [vy,x, vy,y]]; of a free rigid body its
+        spin, [[0, -w], [w, 0]] [1/time]
     """
 
     material: Name
     shape: Shape | None = None
     mesh: Path | None = None
     group: str | None = None
-    rigid: Switch = False
+    rigid: Switch | Literal["free"] = False
     unbreakable: tuple[Shape, ...] = ()
     velocity: tuple[Velocity, Velocity] = (0.0, 0.0)
     velocity_gradient: tuple[tuple[Rate, Rate], tuple[Rate, Rate]] = ((0.0, 0.0), (0.0, 0.0))
@@ -51,6 +54,13 @@ class Body(Table):
             )
         return existing_file(mesh, info, "a mesh file")
 
+    @field_validator("rigid", mode="before")
+    @classmethod
+    def _is_rigid_or_not(cls, rigid: object) -> object:
+        if not isinstance(rigid, bool) and rigid != "free":
+            raise BrokenRuleError("is no way for a body to move", 'give true, false or "free"', value=rigid)
+        return rigid
+
     @model_validator(mode="after")
     def _has_one_geometry(self) -> Body:
         require_one(self, "geometry", ("shape", "mesh"))
@@ -65,11 +75,33 @@ class Body(Table):
 
     @model_validator(mode="after")
     def _moves_as_a_whole_if_rigid(self) -> Body:
-        if self.rigid and np.any(self.velocity_gradient):
+        gradient = np.array(self.velocity_gradient)
+        if self.keeps_velocity and gradient.any():
             remedy = "give rigid = false, or the velocity alone"
             text = "does not apply to a rigid body, which keeps one velocity"
             raise BrokenRuleError(text, remedy, "velocity_gradient", self.velocity_gradient)
+        if self.is_free_rigid and (gradient + gradient.T).any():
+            text, remedy = "deforms a rigid body", "give a spin, [[0, -w], [w, 0]], or rigid = false"
+            raise BrokenRuleError(text, remedy, "velocity_gradient", self.velocity_gradient)
+        if self.is_free_rigid and self.unbreakable:
+            remedy = "remove it, or give rigid = false"
+            raise BrokenRuleError("is a part of a rigid body, which cannot break", remedy, "unbreakable")
         return self
+
+    @property
+    def deforms(self) -> bool:
+        """It is not rigid."""
+        return self.rigid is False
+
+    @property
+    def keeps_velocity(self) -> bool:
+        """It is rigid, and nothing changes its velocity."""
+        return self.rigid is True
+
+    @property
+    def is_free_rigid(self) -> bool:
+        """It is rigid, and moves as gravity, the motion of the ground and contact have it."""
+        return self.rigid == "free"
 
     def can_break(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Mask (n,) of the points (n, 2) in none of the unbreakable parts."""

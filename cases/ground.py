@@ -34,8 +34,8 @@ def read_motion(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 class Ground(Table):
     """Acceleration of the ground from time 0 on: a pulse, a table or a record.
 
-    It acts as minus itself on all bodies that are free, which are told in the frame of the ground; what is held or
-    rigid goes with the ground.
+    It acts as minus itself on all bodies that are free, which are told in the frame of the ground; what is held, and a
+    rigid body that keeps its velocity, goes with the ground.
 
     Attributes
     ----------

@@ -241,7 +241,7 @@ class Contact(Table):
     by_distance : bodies push only where their points are no further apart than inside a body; without it they
         push as soon as they share a grid node, a cell or more too early
     normals_of : a body with a smooth surface, whose normal alone holds where others meet it; without, both bodies' are
-        averaged, and the grid rounds the corners of either. A rigid body's normal holds anyway
+        averaged, and the grid rounds the corners of either. That of a rigid body that keeps its velocity holds anyway
     """
 
     friction: Annotated[Number, Field(ge=0)] = 0.0

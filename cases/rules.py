@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -103,6 +103,7 @@ def _acceleration_applies(case: CaseDescription) -> None:
 
 def _fits_statics(case: CaseDescription) -> None:
     moving = [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
+    moving += [f"bodies.{name}.rigid" for name, body in case.bodies.items() if body.is_free_rigid]
     moving += ["output.times"] if case.output.times or case.output.frames else []
     if moving:
         raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
@@ -123,9 +124,11 @@ def _fits_dynamics(case: CaseDescription) -> None:
     for name in {body.material: None for body in case.bodies.values()}:
         if case.materials[name].density is None:
             raise BrokenRuleError("is missing", "add it, since dynamics needs mass", f"materials.{name}.density")
-    if all(body.rigid for body in case.bodies.values()):
-        key = f"bodies.{next(iter(case.bodies))}.rigid"
-        raise BrokenRuleError("leaves nothing that moves freely", "give rigid = false", key, True)
+    if not any(body.deforms for body in case.bodies.values()):
+        name, body = next(iter(case.bodies.items()))
+        text = "leaves nothing that deforms" if body.is_free_rigid else "leaves nothing that moves freely"
+        raise BrokenRuleError(text, "give rigid = false", f"bodies.{name}.rigid", body.rigid)
+    _free_rigid_bodies_are_free(case)
     loads_fit_dynamics(case)
     for number, constraint in enumerate(case.constraints):
         if constraint.velocity is None and constraint.value is None and constraint.table is None:
@@ -141,6 +144,25 @@ def _fits_dynamics(case: CaseDescription) -> None:
     if case.output.snapshots:
         raise BrokenRuleError("are load parameters", "give output.times instead", "output.snapshots")
     _is_not_passed_over(case)
+
+
+def _free_rigid_bodies_are_free(case: CaseDescription) -> None:
+    """No constraint and no traction reaches a body that moves as a rigid one."""
+    for name, body in case.bodies.items():
+        for key, on in what_reaches(case, name) if body.is_free_rigid and body.shape else ():
+            text = f"reaches the rigid body '{name}', which moves as gravity and contact alone have it"
+            remedy = f"choose a boundary away from it, or give bodies.{name}.rigid = false"
+            raise BrokenRuleError(text, remedy, key, on)
+
+
+def what_reaches(case: CaseDescription, name: str) -> Iterator[tuple[str, str]]:
+    """Keys and boundaries of the constraints and tractions on the outline of a body, found at places h apart."""
+    places = shapely.get_coordinates(case.bodies[name].outline().segmentize(case.mesh.h))
+    slack, box = SLACK * size_of(case.bounding_box()), case.bounding_box()
+    for key in ("constraints", "tractions"):
+        for number, item in enumerate(getattr(case, key)):
+            if case.boundaries[item.on].select(places, slack, box).any():
+                yield f"{key}[{number}].on", item.on
 
 
 def _is_not_passed_over(case: CaseDescription) -> None:

@@ -34,7 +34,7 @@ class Description:
     unknowns_displacement, unknowns_phase_field : free ones; no phase field where nothing can break
     order : polynomial order of the phase field's basis, on which the cost of an iteration depends
     iterative : linear systems are solved by iteration
-    breaking, rigid : shares of the cells in bodies that can break and that stay rigid
+    breaking, rigid : shares of the cells in bodies that can break and that are rigid
     stable_step : largest time step by the case's rule; None in statics [time]
     """
 
@@ -64,7 +64,7 @@ def breakable(case: Case) -> NDArray[np.bool_]:
 
 def shares(case: Case, cells: NDArray) -> tuple[float, float]:
     """``breaking`` and ``rigid`` of a `Description`, from the cells (n_bodies,) of each body."""
-    rigid = np.array([body.rigid for body in case.bodies.values()])
+    rigid = np.array([not body.deforms for body in case.bodies.values()])
     of_all = cells / max(cells.sum(), 1.0)
     return float(of_all[breakable(case)].sum()), float(of_all[rigid].sum())
 

@@ -10,7 +10,7 @@ from physics.elasticity import MaterialTable
 
 def deforming_bodies(case: Case) -> list[int]:
     """Numbers of the bodies that waves run through."""
-    return [number for number, body in enumerate(case.bodies.values()) if not body.rigid]
+    return [number for number, body in enumerate(case.bodies.values()) if body.deforms]
 
 
 def courant_step(case: Case) -> float:

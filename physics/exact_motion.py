@@ -23,13 +23,13 @@ def _material(case: Case, body: Any):
 
 
 def _first(case: Case) -> tuple[Any, Any]:
-    """The first body that moves, and its material."""
-    body = next(body for body in case.bodies.values() if not body.rigid)
+    """The first body that deforms, and its material."""
+    body = next(body for body in case.bodies.values() if body.deforms)
     return body, _material(case, body)
 
 
 def pressure_wave_speed(case: Case) -> float:
-    """sqrt((lambda + 2 mu) / density) of the first body that moves [length/time]."""
+    """sqrt((lambda + 2 mu) / density) of the first body that deforms [length/time]."""
     _, material = _first(case)
     lam = in_plane_first_lame(material.lam, material.mu, case.plane.assumption)
     return float(np.sqrt((lam + 2.0 * material.mu) / material.density))

@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
 from cases import Case
-from mpm.explicit.moving_body import MovingBody
+from mpm.explicit.points import Points
+from mpm.explicit.window import GridWindow, Lattice
 from mpm.grid import GridError
 from mpm.placement import PointCloud
+
+if TYPE_CHECKING:
+    from mpm.explicit.moving_body import MovingBody
 
 #: least moment of inertia of a body that can spin, over that about the window's corner: less is round-off
 LEAST_INERTIA = 1e-14
@@ -30,18 +35,17 @@ class BodyMotion:
     energy: float
 
     @classmethod
-    def of(cls, body: MovingBody) -> BodyMotion:
-        """Its present motion, in one pass over its points."""
-        strips, lattice = body.window.strips, body.lattice
-        parts = np.zeros((len(strips) - 1, 8))
-        sum_motion(strips, body.points.motion, body.points.matter.mass, parts)
+    def of_points(cls, window: GridWindow, lattice: Lattice, points: Points) -> BodyMotion:
+        """That of points in a window, in one pass over them."""
+        parts = np.zeros((len(window.strips) - 1, 8))
+        sum_motion(window.strips, points.motion, points.matter.mass, parts)
         mass, x, y, square, momentum_x, momentum_y, turning, energy = parts.sum(axis=0)
         middle = np.array([x, y]) / mass
         inertia = square - mass * float(middle @ middle)
         turning -= float(middle[0] * momentum_y - middle[1] * momentum_x)
         # a single point has no spin
         spin = turning / (lattice.h * inertia) if inertia > LEAST_INERTIA * square else 0.0
-        place = lattice.origin + lattice.h * (body.window.corner + middle)
+        place = lattice.origin + lattice.h * (window.corner + middle)
         return cls(float(mass), place, np.array([momentum_x, momentum_y]), float(spin), float(energy))
 
 
@@ -61,7 +65,7 @@ def body_angle(body: MovingBody, reference: NDArray, within: NDArray | None = No
 
 
 #: body, first places of all points and mask of those in it, as `body_angle` takes them
-Region = tuple[MovingBody, NDArray, NDArray]
+Region = tuple["MovingBody", NDArray, NDArray]
 
 
 def regions_of(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> dict[str, Region]:

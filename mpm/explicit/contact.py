@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from cases import Case
 from mpm.explicit.body_surface import find_gaps, find_mass_slopes, find_normals, find_reach
 from mpm.explicit.moving_body import MovingBody
+from mpm.explicit.rigid_body import BodyOfKeptVelocity
+from mpm.explicit.rigid_contact import RigidSide, count_impulses, press, rigid_side
 
 #: relative round-off allowed in the checks C.1 to C.4
 ROUND_OFF = 1e-9
@@ -20,8 +22,8 @@ ROUND_OFF = 1e-9
 LEFT_BY_OTHERS = 1e-3
 #: nodes in contact, and those of them at which a condition of Algorithm 3 did not hold
 COUNTERS = ("contact_nodes", "contact_C1", "contact_C2", "contact_C3", "contact_C4")
-#: passes over the pairs where a node may belong to more than two bodies
-SWEEPS = 5
+#: passes over the pairs where a node may belong to more than two bodies, and the most where one of them is free and rigid
+SWEEPS, MOST_SWEEPS = 5, 100
 
 
 class Touching(NamedTuple):
@@ -29,7 +31,7 @@ class Touching(NamedTuple):
 
     ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) [length];
     ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
-    are the normal impulses of the last meeting [force time].
+    and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
     """
 
     nodes: NDArray
@@ -37,33 +39,35 @@ class Touching(NamedTuple):
     gap: NDArray
     opposed: NDArray
     pushes: NDArray
+    drags: NDArray
 
     @classmethod
     def room(cls, m: int) -> Touching:
         """For so many nodes."""
-        return cls(np.zeros((2, m), np.int64), np.zeros((2, m)), np.zeros(m), np.zeros(m, bool), np.zeros(m))
+        gap, pushes, drags = np.zeros((3, m))
+        return cls(np.zeros((2, m), np.int64), np.zeros((2, m)), gap, np.zeros(m, bool), pushes, drags)
 
 
 class ContactSide(NamedTuple):
-    """One body where it meets another: masses and velocities of all nodes of its window, its number, and whether it is
-    rigid."""
+    """One body where it meets another: masses and velocities of all nodes of its window, its number, and whether it keeps
+    its velocity."""
 
     mass: NDArray
     vx: NDArray
     vy: NDArray
     number: int
-    rigid: bool
+    keeps_velocity: bool
 
     @classmethod
     def of(cls, number: int, body: MovingBody) -> ContactSide:
         """The body of a number as it is now."""
         velocities = body.window.velocities
-        return cls(body.window.sums.m, velocities.vx, velocities.vy, number, body.rigid)
+        return cls(body.window.sums.m, velocities.vx, velocities.vy, number, body.keeps_velocity)
 
 
 class ContactSums(NamedTuple):
-    """Since the start: impulse (n_bodies, 2) on each body, work (2,) of friction on all and of what moves rigid bodies,
-    and numbers (5,) of nodes as `COUNTERS`."""
+    """Since the start: impulse (n_bodies, 2) on each body, work (2,) of friction on all and of what moves bodies that
+    keep their velocity, and numbers (5,) of nodes as `COUNTERS`."""
 
     impulse: NDArray
     work: NDArray
@@ -76,14 +80,18 @@ class Pair:
     Attributes
     ----------
     numbers : (2,) of them. friction : between them. touching, count : nodes that they share, and how many.
+    is_free_rigid : one of them moves freely as a rigid body. on_floor : one of them keeps its velocity.
     """
 
     def __init__(self, case: Case, a: int, b: int, bodies: Sequence[MovingBody]) -> None:
         self.numbers, self.friction = (a, b), case.friction(a, b)
         self._bodies = (bodies[a], bodies[b])
-        # the corners of a soft body are rounded on the grid: where one is rigid, its normal holds
-        first, second = (body.rigid or body.name == case.contact.normals_of for body in self._bodies)
-        self._holds = (first and not bodies[b].rigid, second and not bodies[a].rigid)
+        keeps, other_keeps = (body.keeps_velocity for body in self._bodies)
+        self.on_floor = keeps or other_keeps
+        self.is_free_rigid = any(not body.deforms and not body.keeps_velocity for body in self._bodies)
+        # the corners of other bodies are rounded on the grid: the normal of one that keeps its velocity holds
+        first, second = (body.keeps_velocity or body.name == case.contact.normals_of for body in self._bodies)
+        self._holds = (first and not other_keeps, second and not keeps)
         self.touching, self.count = Touching.room(0), 0
 
     def share(self) -> bool:
@@ -121,6 +129,11 @@ class Pair:
         first, second = (ContactSide.of(n, body) for n, body in zip(self.numbers, self._bodies, strict=True))
         return first, second
 
+    def rigid_sides(self) -> tuple[RigidSide, RigidSide]:
+        """The same where one of them moves freely as a rigid body."""
+        first, second = (rigid_side(n, body) for n, body in zip(self.numbers, self._bodies, strict=True))
+        return first, second
+
 
 class Contact:
     """All pairs of bodies of a case.
@@ -129,7 +142,7 @@ class Contact:
     ----------
     work : of friction on all bodies together since the start, at most zero [energy]. The normal forces' is left to the
         balance of energy: what a step takes on the grid, FLIP gives back to the points.
-    pairs : of bodies that may touch, not both rigid.
+    pairs : of bodies that may touch, of which one does not keep its velocity.
     impulse : (n_bodies, 2) that contact has given to each body since the start [force time].
     violations : numbers of nodes by the names of `COUNTERS`.
     """
@@ -138,12 +151,14 @@ class Contact:
         self._bodies, self._by_distance = bodies, case.contact.by_distance
         pairs = combinations(range(len(bodies)), 2)
         self.pairs = [
-            Pair(case, a, b, bodies) for a, b in pairs if not (bodies[a].rigid and bodies[b].rigid)
+            Pair(case, a, b, bodies) for a, b in pairs if not (bodies[a].keeps_velocity and bodies[b].keeps_velocity)
         ]
         self._sweeps = 1 if len(bodies) == 2 else SWEEPS
         self._sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(2), np.zeros(len(COUNTERS), np.int64))
-        self._rigid_velocities = np.array([body.rigid * body.rigid_velocity for body in bodies])
-        #: push on rigid bodies by columns of nodes since the last record, and between the last two [force time]
+        kept = [body.velocity if isinstance(body, BodyOfKeptVelocity) else np.zeros(2) for body in bodies]
+        self._kept_velocities = np.array(kept)
+        #: push on bodies that keep their velocity by columns of nodes, since the last record and between the last two
+        #: [force time]
         self._floor_load: dict[int, float] = {}
         self._last_floor_load: dict[int, float] = {}
 
@@ -154,7 +169,7 @@ class Contact:
 
     @property
     def work_of_rigid(self) -> float:
-        """What moves rigid bodies gives as much as they hand on, since the start [energy]."""
+        """What moves bodies that keep their velocity gives as much as they hand on, since the start [energy]."""
         return float(self._sums.work[1])
 
     @property
@@ -194,24 +209,47 @@ class Contact:
     def exchange(self, step: float) -> None:
         """Correct the nodes' velocities by the contact forces (Eqs. 6.28 to 6.40)."""
         touching = [pair for pair in self.pairs if pair.count]
-        for _ in range(self._sweeps):
+        rigid = [pair for pair in touching if pair.is_free_rigid]
+        for pair in rigid:
+            pair.touching.pushes[: pair.count] = pair.touching.drags[: pair.count] = 0.0
+        for sweep in range(MOST_SWEEPS):
+            moved = [self._press(pair, step) for pair in rigid]
             for pair in touching:
-                self._meet(pair, step)
+                if not pair.is_free_rigid:
+                    self._meet(pair, step)
+            if sweep + 1 >= self._sweeps and (len(self._bodies) == 2 or not any(moved)):
+                break
+        for pair in rigid:
+            self._count_impulses(pair, step)
         if self._sweeps > 1:
             for pair in touching:
-                check_impenetrability(*pair.sides(), pair.touching, pair.count, step, self._sums.counts)
+                if not pair.is_free_rigid:
+                    check_impenetrability(*pair.sides(), pair.touching, pair.count, step, self._sums.counts)
+
+    def _press(self, pair: Pair, step: float) -> bool:
+        """Solve for the impulses of a pair with a free rigid body; whether they have changed."""
+        passes = press(*pair.rigid_sides(), pair.touching, pair.count, step, pair.friction)
+        return bool(passes > 1)
 
     def _meet(self, pair: Pair, step: float) -> None:
-        first, second = pair.sides()
-        meet(first, second, pair.touching, pair.count, step, pair.friction, self._rigid_velocities, self._sums)
-        if first.rigid or second.rigid:
+        meet(*pair.sides(), pair.touching, pair.count, step, pair.friction, self._kept_velocities, self._sums)
+        self._load_floor(pair)
+
+    def _count_impulses(self, pair: Pair, step: float) -> None:
+        count_impulses(
+            *pair.rigid_sides(), pair.touching, pair.count, step, pair.friction, self._kept_velocities, self._sums
+        )  # fmt: skip
+        self._load_floor(pair)
+
+    def _load_floor(self, pair: Pair) -> None:
+        if pair.on_floor:
             window = self._bodies[pair.numbers[0]].window
             columns = window.corner[0] + pair.touching.nodes[0, : pair.count] // window.width
             for column, push in zip(columns.tolist(), pair.touching.pushes[: pair.count].tolist(), strict=True):
                 self._floor_load[column] = self._floor_load.get(column, 0.0) + push
 
     def begin_record(self) -> None:
-        """Keep the loads on rigid bodies since the last record apart."""
+        """Keep the loads on bodies that keep their velocity since the last record apart."""
         self._last_floor_load, self._floor_load = self._floor_load, {}
 
     def pressure_on_floor(self, order: int) -> dict[str, float]:
@@ -269,7 +307,7 @@ def check_impenetrability(first, second, touching, count, step, counts):
 
 
 @njit(cache=True)
-def meet(first, second, touching, count, step, friction, rigid_velocities, sums):
+def meet(first, second, touching, count, step, friction, kept_velocities, sums):
     """Impulses between two bodies at their shared nodes, and the checks of Algorithm 3.
 
     ``first, second`` : `ContactSide`. A gap may close within the step.
@@ -285,8 +323,8 @@ def meet(first, second, touching, count, step, friction, rigid_velocities, sums)
         approach = rx * nx + ry * ny - allowed
         if approach <= 0.0:  # Eq. 6.40
             continue
-        inverse_a = 0.0 if first.rigid else 1.0 / first.mass[a]
-        inverse_b = 0.0 if second.rigid else 1.0 / second.mass[b]
+        inverse_a = 0.0 if first.keeps_velocity else 1.0 / first.mass[a]
+        inverse_b = 0.0 if second.keeps_velocity else 1.0 / second.mass[b]
         reduced = 1.0 / (inverse_a + inverse_b)
         push = reduced * approach  # Eqs. 6.32, 6.35, times the step
         touching.pushes[n] = push
@@ -312,8 +350,8 @@ def meet(first, second, touching, count, step, friction, rigid_velocities, sums)
         sums.counts[3] += abs(rx * nx + ry * ny - allowed) > ROUND_OFF * largest
         slides = abs(-rx * ny + ry * nx) > ROUND_OFF * largest
         sums.counts[4] += slides and abs(abs(drag) - friction * push) > ROUND_OFF * push
-    given = total_x * rigid_velocities[number_a, 0] + total_y * rigid_velocities[number_a, 1]
-    given -= total_x * rigid_velocities[number_b, 0] + total_y * rigid_velocities[number_b, 1]
+    given = total_x * kept_velocities[number_a, 0] + total_y * kept_velocities[number_a, 1]
+    given -= total_x * kept_velocities[number_b, 0] + total_y * kept_velocities[number_b, 1]
     sums.work[0] += work
     sums.work[1] += given
     sums.impulse[number_a, 0] -= total_x

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from cases.bodies import Body
+from mpm.explicit.body_motion import BodyMotion
 from mpm.explicit.points import Points
 from mpm.explicit.stresses import BodyLaw, degraded_stresses, elastic_stresses
 from mpm.explicit.transfers import DRIFT, PointUpdate, carried, transfers, trial_velocities
@@ -43,16 +44,18 @@ class MovingBody:
     Attributes
     ----------
     lattice : of all bodies; window : the body's part of it.
-    rigid : it keeps its velocity whatever meets it.
+    deforms, keeps_velocity : it is not rigid; it is rigid and keeps its velocity whatever meets it.
     breakable : it has a phase field, which whoever solves it writes to ``points.crack.c``.
     has_axes : its fracture energy has a direction.
     transfers : compiled loops between points and nodes.
     """
 
+    deforms, keeps_velocity = True, False
+
     def __init__(self, case: Case, number: int, cloud: PointCloud) -> None:
         assert case.dynamics is not None
         name, body = list(case.bodies.items())[number]
-        self.name, self.rigid, self.rigid_velocity = name, body.rigid, np.array(body.velocity)
+        self.name = name
         self._dynamics, self._irreversible = case.dynamics, case.staggered.irreversible
         self.lattice = Lattice(case.bounding_box()[0], case.mesh.h, case.mpm.order)
         self.transfers = transfers(case.mpm.order)
@@ -61,8 +64,8 @@ class MovingBody:
             float(table.lame_lambda[number]), float(table.shear_modulus[number]), int(table.law.split[number]),
             float(table.residual_stiffness[number]),
         )  # fmt: skip
-        self.breakable = bool(table.breakable[number]) and not self.rigid
-        self.has_axes = bool(table.fourth_order[number]) and not self.rigid
+        self.breakable = bool(table.breakable[number]) and self.deforms
+        self.has_axes = bool(table.fourth_order[number]) and self.deforms
         places = np.flatnonzero(cloud.body == number)
         if not len(places):
             raise GridError(f"{case.source}: bodies.{name}: it is too thin for points to lie in it; make mesh.h smaller.")
@@ -124,17 +127,10 @@ class MovingBody:
 
     def map_to_grid(self) -> None:
         """Mass, momentum and minus internal forces to the nodes."""
-        window = self.window
-        if self.rigid and window.is_mapped and not self.rigid_velocity.any():
-            return
-        window.is_mapped = True
-        self._to_grid()
-
-    def _to_grid(self) -> None:
-        window, points, affine = self.window, self.points, self._dynamics.affine and not self.rigid
+        window, points = self.window, self.points
         self.transfers.to_grid(
             window.strips, points.motion, points.matter, points.gradient, points.elastic, self.lattice.h,
-            float(affine), window.width, window.sums,
+            float(self._dynamics.affine), window.width, window.sums,
         )  # fmt: skip
 
     def find_trial_velocities(self, step: float, acceleration: NDArray, damping: float) -> None:
@@ -143,32 +139,20 @@ class MovingBody:
         acceleration : (2,) of all free bodies [length/time²]. damping : rate at which velocities fall [1/time].
         """
         window, velocities = self.window, self.window.velocities
-        x, y = (0.0, 0.0) if self.rigid else (float(a) for a in acceleration)
+        x, y = (float(a) for a in acceleration)
         trial_velocities(window.width, step, x, y, damping, window.sums, velocities)
-        if self.rigid:
-            velocities.vx[:], velocities.vy[:] = self.rigid_velocity
 
     def update_points(self, step: float) -> None:
         """Velocities of the points; a rigid body's new places."""
-        if not self.rigid:
-            self._to_points(step, with_velocities=True, with_strains=False)
-            return
-        motion, h = self.points.motion, self.lattice.h
-        motion.x[:] += step / h * self.rigid_velocity[0]
-        motion.y[:] += step / h * self.rigid_velocity[1]
-        self.wandering.far += step / h * float(np.abs(self.rigid_velocity).max())
+        self._to_points(step, with_velocities=True, with_strains=False)
 
     def update_all(self, step: float) -> None:
         """`update_points` and `update_stresses` in one pass, for strains from the same velocities of the nodes (USL)."""
-        if self.rigid:
-            self.update_points(step)
-        else:
-            self._to_points(step, with_velocities=True, with_strains=True)
+        self._to_points(step, with_velocities=True, with_strains=True)
 
     def update_stresses(self, step: float) -> None:
         """Strains from the nodes' velocities, new places, and stresses."""
-        if not self.rigid:
-            self._to_points(step, with_velocities=False, with_strains=True)
+        self._to_points(step, with_velocities=False, with_strains=True)
 
     def _to_points(self, step: float, with_velocities: bool, with_strains: bool) -> None:
         points, dynamics, wandering, h = self.points, self._dynamics, self.wandering, self.lattice.h
@@ -191,7 +175,7 @@ class MovingBody:
     def map_momentum_again(self) -> None:
         """Velocities of the nodes from those of the points after the step (MUSL)."""
         sums, velocities = self.window.sums, self.window.velocities
-        self._to_grid()
+        self.map_to_grid()
         over = np.divide(1.0, sums.m, out=np.zeros_like(sums.m), where=sums.m > 0.0)
         np.multiply(sums.fields[0::4], over, out=velocities.vx)
         np.multiply(sums.fields[1::4], over, out=velocities.vy)
@@ -218,6 +202,10 @@ class MovingBody:
         if self.breakable:
             return crack.g * crack.psi_plus + crack.psi_minus
         return 0.5 * (e.sxx * e.exx + e.syy * e.eyy + e.sxy * e.gxy)
+
+    def whole_motion(self) -> BodyMotion:
+        """Its present motion as a whole."""
+        return BodyMotion.of_points(self.window, self.lattice, self.points)
 
     def carried(self) -> tuple[float, float, float]:
         """Mass times velocity x, y with which the points go in this step [force time], and the latter times the velocity

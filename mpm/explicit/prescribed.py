@@ -148,7 +148,8 @@ def held_lines(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> l
             reached = [bodies[n] for n in np.unique(cloud.body[places])]
             if not reached:
                 raise GridError(f"{case.source}: {name}: no body reaches it; move it onto a body.")
-            if all(body.rigid for body in reached):
+            _refuse_free_rigid(case, f"{name}: it holds", reached)
+            if all(body.keeps_velocity for body in reached):
                 raise GridError(
                     f"{case.source}: {name}: it holds rigid bodies alone, which keep their velocity anyway; remove it, or"
                     " move it onto another body."
@@ -156,9 +157,19 @@ def held_lines(case: Case, bodies: Sequence[MovingBody], cloud: PointCloud) -> l
             lines += [
                 HeldLine(name, body, normal, place, low, high, component, velocity, constraint.course)
                 for body in reached
-                if not body.rigid
+                if not body.keeps_velocity
             ]
     return lines
+
+
+def _refuse_free_rigid(case: Case, what: str, bodies: Sequence[MovingBody]) -> None:
+    """Raise GridError where one moves as a rigid body, which gravity and contact alone may do to it."""
+    free = next((body.name for body in bodies if not body.deforms and not body.keeps_velocity), None)
+    if free is not None:
+        raise GridError(
+            f"{case.source}: {what} the rigid body '{free}', which moves as gravity and contact alone have it; move it"
+            f" onto another body, or give bodies.{free}.rigid = false."
+        )
 
 
 def _lines_of(
@@ -230,6 +241,7 @@ class Tractions:
             for n, body in enumerate(bodies):
                 own = cloud.body[points] == n
                 if own.any():
+                    _refuse_free_rigid(case, f"tractions[{number}].on = '{traction.on}': it pulls at", [body])
                     self._loads.append(LoadedPoints(body, traction, points[own], force[own]))
         self._bodies = list({id(load.body): load.body for load in self._loads}.values())
 

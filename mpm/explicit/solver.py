@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.body_fields import fields_of
-from mpm.explicit.body_motion import BodyMotion, body_angle, regions_of
+from mpm.explicit.body_motion import body_angle, regions_of
 from mpm.explicit.contact import Contact
-from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.phase_field import PointPhaseField
 from mpm.explicit.prescribed import Tractions, held_lines
+from mpm.explicit.rigid_body import FreeRigidBody, make_body
 from mpm.explicit.step_bound import stable_step
 from mpm.grid import GridError
 from mpm.placement import PointCloud, place_in_bodies, placement_health_in_bodies
@@ -47,8 +47,9 @@ class ExplicitMaterialPoints:
         _refuse_what_needs_a_grid_that_stays(case)
         self._frame, self._now = MovingFrame(case), case.dynamics.start_time
         self.cloud = cloud or place_in_bodies(case)
-        self.bodies = [MovingBody(case, number, self.cloud) for number in range(len(case.bodies))]
-        self._moving = [body for body in self.bodies if not body.rigid]
+        self.bodies = [make_body(case, number, self.cloud) for number in range(len(case.bodies))]
+        self._moving = [body for body in self.bodies if not body.keeps_velocity]
+        self._deforming = [body for body in self.bodies if body.deforms]
         _check_notches(case, self.cloud)
         self._start_from_exact()
         self._start_notches()
@@ -67,7 +68,7 @@ class ExplicitMaterialPoints:
     def _start_from_exact(self) -> None:
         """Velocities and strains of the case's exact solution at the start, where it has them."""
         solution = SOLUTIONS.get(self.case.exact or "")
-        for body in self._moving:
+        for body in self._deforming:
             motion, elastic = body.points.motion, body.points.elastic
             if solution is not None and solution.velocity is not None:
                 motion.vx[:], motion.vy[:] = solution.velocity(self.case, body.positions(), 0.0).T
@@ -90,7 +91,7 @@ class ExplicitMaterialPoints:
         """Phase field and stresses at the start."""
         for phase_field in self.phase_fields:
             phase_field.solve(0.0, everywhere=True)
-        for body in self._moving:
+        for body in self._deforming:
             body.evaluate_stresses()
 
     def warm_up(self) -> None:
@@ -150,7 +151,7 @@ class ExplicitMaterialPoints:
         self._solve_phase_fields(now)
         for body, crack in zip(self.bodies, committed, strict=True):
             body.points.crack = crack
-        for body in self._moving:
+        for body in self._deforming:
             body.evaluate_stresses()
 
     def _move(self, now: float, size: float) -> None:
@@ -185,11 +186,11 @@ class ExplicitMaterialPoints:
             for body in self.bodies:
                 body.update_points(size)
         with self.costs.timed("to_grid"):
-            for body in self._moving:
+            for body in self._deforming:
                 body.map_momentum_again()
             self._hold(now)
         with self.costs.timed("to_points"):
-            for body in self._moving:
+            for body in self._deforming:
                 body.update_stresses(size)
 
     def _hold(self, now: float) -> NDArray:
@@ -205,11 +206,11 @@ class ExplicitMaterialPoints:
     # ---------------------------------------------------------------- what can be seen
 
     def balance(self) -> Balance:
-        """Energies and momentum of the bodies that are not rigid."""
-        moving, motions = self._moving, [BodyMotion.of(body) for body in self._moving]
+        """Energies and momentum of the bodies that do not keep their velocity whatever they meet."""
+        motions = [body.whole_motion() for body in self._moving]
         momentum = np.sum([motion.momentum for motion in motions], axis=0)
         return Balance(
-            elastic=sum(float((body.energy_density() * body.points.matter.volume).sum()) for body in moving),
+            elastic=sum(float((body.energy_density() * body.points.matter.volume).sum()) for body in self._deforming),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
             kinetic=sum(motion.energy for motion in motions),
             external_work=self._outer_work + self.contact.work_of_rigid,
@@ -227,10 +228,12 @@ class ExplicitMaterialPoints:
         columns: dict[str, float] = {}
         self.contact.begin_record()
         for body, impulse in zip(self.bodies, self.contact.impulse, strict=True):
-            motion = BodyMotion.of(body)
+            motion = body.whole_motion()
             values = (*motion.place, *motion.momentum, motion.spin)
             columns |= {f"{body.name}_{key}": float(v) for key, v in zip(MOTION_COLUMNS, values, strict=True)}
-            if self.case.rocking is not None and body.name == self.case.rocking.body:
+            if isinstance(body, FreeRigidBody):
+                columns[f"{body.name}_angle"] = body.angle
+            elif self.case.rocking is not None and body.name == self.case.rocking.body:
                 columns[f"{body.name}_angle"] = body_angle(body, self.cloud.positions)
             if len(self.bodies) > 1:
                 columns |= {f"{body.name}_impulse_x": float(impulse[0]), f"{body.name}_impulse_y": float(impulse[1])}

@@ -95,6 +95,24 @@ def _to_grid(k):
     return to_grid
 
 
+def _masses(k):
+    @njit(cache=True, parallel=True, fastmath=ROUNDED)
+    def masses(strips, motion, matter, width, m):
+        """Masses of the nodes alone (Eq. 3.58)."""
+        x, y, mass = motion.x, motion.y, matter.mass
+        for row in prange(len(m) // width):
+            m[row * width : (row + 1) * width] = 0.0
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
+                    i, j = int(x[p]), int(y[p])
+                    (wx, _), (wy, _) = splines(k, x[p] - i), splines(k, y[p] - j)
+                    add_products(k, m, i * width + j, width, ((mass[p], wx, wy),))
+
+    return masses
+
+
 @njit(fastmath=ROUNDED, error_model="numpy")
 def turn_strains(start, number, tile, corotational, exx, eyy, gxy):
     """Strains of points after a step, whose gradients xx, xy, yx, yy lie ``TILE`` apart in ``tile``."""
@@ -257,6 +275,7 @@ def _spread(k):
 #: code can be kept on disk
 _MAKERS = (
     _to_grid,
+    _masses,
     _to_points,
     _mass_slopes,
     _reaches,

@@ -69,7 +69,6 @@ class GridWindow:
     corner, shape : (2,) first node in the lattice, and the number of nodes.
     starts : (n_nodes + 1,) first point of each cell, of the number of its first node, in which points were sorted.
     strips : (n_strips + 1,) first point of each strip of columns of cells.
-    is_mapped : the nodes' sums are those of the body's points.
     """
 
     corner: NDArray
@@ -80,7 +79,6 @@ class GridWindow:
     velocities: NodeVelocities
     tractions: NodeTractions
     surface: NodeSurface
-    is_mapped: bool = False
 
     @classmethod
     def over(cls, corner: NDArray, shape: NDArray, starts: NDArray) -> GridWindow:
@@ -96,6 +94,10 @@ class GridWindow:
             corner, shape, starts, strips, NodeSums(*sums), NodeVelocities(*velocities), NodeTractions(*tractions),
             NodeSurface(*surface),
         )  # fmt: skip
+
+    def first_node(self, lattice: Lattice) -> NDArray:
+        """Place (2,) of the window's first node [length]."""
+        return lattice.origin + lattice.h * (self.corner - 0.5 * (lattice.order - 1))  # type: ignore[no-any-return]
 
     @property
     def width(self) -> int:

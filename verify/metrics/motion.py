@@ -75,7 +75,7 @@ def energy_left(run: RunData) -> float:
 @metric("number", "largest change of the whole momentum")
 def momentum_drift(run: RunData) -> float:
     """Largest change of the whole momentum, over the sum of the bodies' own at the start."""
-    bodies = [name for name, body in run.case.bodies.items() if not body.rigid]
+    bodies = [name for name, body in run.case.bodies.items() if not body.keeps_velocity]
     starts = ([history_column(run, f"{name}_momentum_{axis}")[0] for axis in "xy"] for name in bodies)
     own = sum(np.hypot(*start) for start in starts)
     x, y = history_column(run, "momentum_x"), history_column(run, "momentum_y")

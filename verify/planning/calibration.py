@@ -44,7 +44,7 @@ class Demand:
     solver : by its name, or "gmres" where its systems are solved by iteration; order : of the basis
     passes : of the staggered scheme in an increment or step, one where it converges
     width : l0 / h, the cells in the width of a crack
-    breaking, rigid : shares of the cells in bodies that can break and that stay rigid
+    breaking, rigid : shares of the cells in bodies that can break and that are rigid
     """
 
     kind: str

@@ -201,8 +201,8 @@ def _regime(case: Case) -> str:
 
 
 def _regime_of(case: Case, body: Body) -> str:
-    if body.rigid:
-        return "rigid"
+    if not body.deforms:
+        return "rigid, moves freely" if body.is_free_rigid else "rigid"
     if body.unbreakable:
         return f"breaks, but for {len(body.unbreakable)} parts"
     return "breaks" if case.materials[body.material].fracture else "deforms, cannot break"

@@ -8,6 +8,9 @@ import numpy as np
 
 from cases import Case
 from cases.judging import merge
+from cases.rules import what_reaches
+from cases.solvers import SOLVERS
+from mpm.explicit.step_bound import stable_step
 
 Tables = dict[str, Any]
 
@@ -106,10 +109,37 @@ def _phase_field_window(case: Case) -> Saving:
 
 def _rigid_bodies(case: Case) -> Saving:
     name = "rigid bodies"
-    rigid = [name for name, body in case.bodies.items() if body.rigid]
+    rigid = [name for name, body in case.bodies.items() if body.keeps_velocity]
     if not rigid:
-        return Saving(name, False, "every body deforms")
+        return Saving(name, False, "no body keeps its velocity")
     return Saving(name, True, f"no strains and no forces of {', '.join(rigid)}: kept at its velocity, whatever it meets")
+
+
+def _rigid_block(case: Case) -> Saving:
+    """A body far stiffer than what it stands on moves as a rigid one, so that its waves bound no step."""
+    name, free = "rigid block", [name for name, body in case.bodies.items() if body.is_free_rigid]
+    if free:
+        longer = 1.0 / _longer_step(case, dict.fromkeys(free, False))
+        reason = f"{', '.join(free)} moves freely without strains; those would need a step {longer:.2g} times shorter"
+        return Saving(name, True, reason, {"bodies": {each: {"rigid": False} for each in free}})
+    if case.run and SOLVERS[case.run_spec(case.run).solver].of_rigid_block:
+        return Saving(name, False, "the solver knows no other block")
+    if case.dynamics is not None and case.dynamics.time_step is not None:
+        return Saving(name, False, "the time step is given")
+    for stiff, body in case.bodies.items():
+        others = any(other.deforms for other_name, other in case.bodies.items() if other_name != stiff)
+        if body.deforms and others and not (case.materials[body.material].fracture or any(what_reaches(case, stiff))):
+            longer = _longer_step(case, {stiff: "free"})
+            if longer > MUCH_LONGER:
+                reason = f"{stiff} is so stiff that without its strains the step would be {longer:.2g} times longer"
+                return Saving(name, False, f'{reason}; for that write bodies.{stiff}.rigid = "free"')
+    return Saving(name, False, "no body that moves freely and cannot break bounds the step")
+
+
+def _longer_step(case: Case, rigid: dict[str, Any]) -> float:
+    """By how much the step by the case's rule grows where bodies are rigid so."""
+    bodies = {name: body.model_copy(update={"rigid": rigid.get(name, body.rigid)}) for name, body in case.bodies.items()}
+    return stable_step(case.model_copy(update={"bodies": bodies})) / stable_step(case)
 
 
 def _no_phase_field(case: Case) -> Saving:
@@ -120,6 +150,8 @@ def _no_phase_field(case: Case) -> Saving:
     return Saving(name, True, f"none is solved in {', '.join(whole)}, which cannot break")
 
 
+#: growth of the time step from which on a rigid body is worth a word
+MUCH_LONGER = 2.0
 #: a tolerance of the moving phase field that leaves nothing out
 EVERYWHERE = 1e-12
 Rule = Callable[[Case], Saving]
@@ -131,5 +163,5 @@ QUASI_STATIC: tuple[Rule, ...] = (
     _accelerated_staggering,
     _end_when_broken,
 )
-IN_TIME: tuple[Rule, ...] = (_graded_grid, _phase_field_window, _rigid_bodies, _settled_verdict)
+IN_TIME: tuple[Rule, ...] = (_graded_grid, _phase_field_window, _rigid_bodies, _rigid_block, _settled_verdict)
 ALWAYS: tuple[Rule, ...] = (_no_phase_field,)

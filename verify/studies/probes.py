@@ -142,7 +142,7 @@ def incline(case: Case, *, friction: float, slope: float, time: float) -> Verdic
     first, *_, last = instants(solver, tilted)
     if last.is_last:
         return Verdict(BLEW_UP, step=last.step, u=last.u, reason=last.reason)
-    name = next(name for name, body in case.bodies.items() if not body.rigid)
+    name = next(name for name, body in case.bodies.items() if not body.keeps_velocity)
     way = last.columns[f"{name}_x"] - first.columns[f"{name}_x"]
     free = sliding_distance(_tilted(case, 0.0, slope, time), body=name, time=time)
     error = abs(way - sliding_distance(tilted, body=name, time=time)) / free
