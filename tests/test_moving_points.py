@@ -424,3 +424,16 @@ def test_a_constraint_that_holds_nothing_is_refused(place, said):
     case = case_of(bodies, boundaries=boundaries, constraints=constraints)
     with pytest.raises(CaseError, match=rf"constraints\[0\].on = 'line': .*{said}"):
         ExplicitMaterialPoints(case)
+
+
+@pytest.mark.parametrize("rigid", [False, "free"])
+@pytest.mark.parametrize("order_of_update", ["usl", "musl"])
+def test_a_body_falls_as_galileo_says(rigid, order_of_update):
+    bodies = {"a": square(0.0) | {"rigid": rigid}, "b": square(5.0)}
+    dynamics = {"gravity": [0.0, -0.1], "order_of_update": order_of_update}
+    case = case_of(bodies, 2.0, dynamics=dynamics)
+    points = ExplicitMaterialPoints(case)
+    start = points.monitored()["a_y"]
+    last = list(instants(points, case))[-1]
+    assert points.monitored()["a_y"] - start == pytest.approx(-0.5 * 0.1 * 4.0, rel=1e-9)
+    assert last.balance.external_work == pytest.approx(last.balance.kinetic, rel=1e-9)

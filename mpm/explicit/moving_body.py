@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,16 @@ class Wandering:
     fastest: NDArray
 
 
+class Carried(NamedTuple):
+    """What a body carries over a step: mass, momenta (2,) before and after it, and the sum over its mass of the product
+    of its velocities before and after [energy]."""
+
+    mass: float
+    before: NDArray
+    after: NDArray
+    damped: float
+
+
 class MovingBody:
     """A body with its own field of velocity on the grid.
 
@@ -47,6 +58,7 @@ class MovingBody:
     deforms, keeps_velocity : it is not rigid; it is rigid and keeps its velocity whatever meets it.
     breakable : it has a phase field, which whoever solves it writes to ``points.crack.c``.
     has_axes : its fracture energy has a direction.
+    lag : (2,) of its places behind the later one of a step's velocities [length/time].
     transfers : compiled loops between points and nodes.
     """
 
@@ -55,7 +67,7 @@ class MovingBody:
     def __init__(self, case: Case, number: int, cloud: PointCloud) -> None:
         assert case.dynamics is not None
         name, body = list(case.bodies.items())[number]
-        self.name = name
+        self.name, self.lag = name, np.zeros(2)
         self._dynamics, self._irreversible = case.dynamics, case.staggered.irreversible
         self.lattice = Lattice(case.bounding_box()[0], case.mesh.h, case.mpm.order)
         self.transfers = transfers(case.mpm.order)
@@ -114,13 +126,14 @@ class MovingBody:
 
     def keep_sorted(self, step: float) -> None:
         """Sort anew before any point can wander more than a cell from where it was sorted."""
-        further = 1.5 * step / self.lattice.h * self.wandering.largest_speed
-        if not further <= DRIFT:
+        move = step / self.lattice.h * self.wandering.largest_speed
+        if not move <= DRIFT:
             raise BlewUpError(
-                f"a point of body '{self.name}' moves {further / 1.5:.2g} cells in one step of {step:.4g}; the step is"
+                f"a point of body '{self.name}' moves {move:.2g} cells in one step of {step:.4g}; the step is"
                 " above the stability limit or the body is too fast for the grid"
             )
-        if self.wandering.far + further > DRIFT:
+        # it may be half as fast again after this step; points are not looked for before they are sorted once more
+        if self.wandering.far + 1.5 * move > DRIFT:
             self.sort()
 
     # ---------------------------------------------------------------- a step
@@ -158,7 +171,7 @@ class MovingBody:
         points, dynamics, wandering, h = self.points, self._dynamics, self.wandering, self.lattice.h
         update = PointUpdate(
             step / h, dynamics.flip, dynamics.rotation == "corotational", (dynamics.affine or self.has_axes) / h,
-            with_velocities, with_strains, not self.breakable, self.law.lam, self.law.mu,
+            with_velocities, with_strains, not self.breakable, self.law.lam, self.law.mu, *self.lag,
         )  # fmt: skip
         self.transfers.to_points(
             self.window.strips, self.window.velocities, self.window.width, update, points.motion, points.gradient,
@@ -207,10 +220,10 @@ class MovingBody:
         """Its present motion as a whole."""
         return BodyMotion.of_points(self.window, self.lattice, self.points)
 
-    def carried(self) -> tuple[float, float, float]:
-        """Mass times velocity x, y with which the points go in this step [force time], and the latter times the velocity
-        before the step [energy]."""
-        return carried(self.window.sums.m, self.window.velocities)
+    def carried(self) -> Carried:
+        """What it carries over this step, when contact is done."""
+        mass, before_x, before_y, x, y, damped = carried(self.window.sums.m, self.window.velocities)
+        return Carried(mass, np.array([before_x, before_y]), np.array([x, y]), damped)
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Everything that the next step needs, in the points' present order."""

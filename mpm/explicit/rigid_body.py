@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.body_motion import BodyMotion
-from mpm.explicit.moving_body import MovingBody
+from mpm.explicit.moving_body import Carried, MovingBody
 from mpm.explicit.window import GridWindow
 from mpm.placement import PointCloud
 
@@ -110,7 +110,7 @@ class FreeRigidBody(MovingBody):
 
     def update_points(self, step: float) -> None:
         """New places."""
-        self.place += step * self.velocity
+        self.place += step * (self.velocity - np.append(self.lag, 0.0))
         self._put_points()
         self.wandering.far += step / self.lattice.h * self.wandering.largest_speed
 
@@ -138,11 +138,11 @@ class FreeRigidBody(MovingBody):
         energy = 0.5 * (float(momentum @ self.velocity[:2]) + inertia * spin**2)
         return BodyMotion(float(mass), self.place[:2].copy(), momentum, spin, energy)
 
-    def carried(self) -> tuple[float, float, float]:
+    def carried(self) -> Carried:
         """As that of other bodies."""
-        (mass, inertia), now, before = 1.0 / self.inverses, self.velocity, self._old_velocity
-        x, y, turning = np.array([mass, mass, inertia]) * now
-        return float(x), float(y), float(x * before[0] + y * before[1] + turning * before[2])
+        mass, inertia = 1.0 / self.inverses
+        each, now, before = np.array([mass, mass, inertia]), self.velocity, self._old_velocity
+        return Carried(float(mass), mass * before[:2], mass * now[:2], float(each @ (now * before)))
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Everything that the next step needs."""

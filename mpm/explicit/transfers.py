@@ -41,6 +41,7 @@ class PointUpdate(NamedTuple):
     velocities, strains, stresses : whether velocities are updated, strains with places, and stresses where the body
         cannot break.
     lam, mu : in-plane Lamé constants [stress].
+    lag_x, lag_y : by which all places move more slowly than the nodes [length/time].
     """
 
     factor: float
@@ -52,6 +53,8 @@ class PointUpdate(NamedTuple):
     stresses: bool
     lam: float
     mu: float
+    lag_x: float
+    lag_y: float
 
 
 @njit(fastmath=ROUNDED)
@@ -144,7 +147,7 @@ def _to_points(k):
 
         ``fastest`` (n_strips,) takes the largest square of the velocity that carries a point of each strip.
         """
-        factor, flip, corotational, affine, with_velocities, with_strains, with_stresses, lam, mu = update
+        factor, flip, corotational, affine, with_velocities, with_strains, with_stresses, lam, mu, lag_x, lag_y = update
         x, y, vx, vy, moved_x, moved_y = motion
         cxx, cxy, cyx, cyy = gradient
         exx, eyy, gxy, sxx, syy, sxy = elastic
@@ -168,7 +171,7 @@ def _to_points(k):
                     if with_velocities:
                         vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
                         vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
-                        moved_x[p], moved_y[p] = ux, uy
+                        moved_x[p], moved_y[p] = ux - lag_x, uy - lag_y
                         largest = max(largest, ux * ux + uy * uy)
                         if not largest >= ux * ux + uy * uy:
                             largest = np.inf
@@ -311,11 +314,14 @@ def trial_velocities(width, step, gravity_x, gravity_y, damping, sums, velocitie
 
 @njit(cache=True)
 def carried(m, velocities):
-    """Sums over the nodes of mass times velocity x, y, and times the velocity before the step."""
+    """Sums over the nodes of mass, mass times velocity x, y before the step and after it, and times both velocities."""
     old_x, old_y, vx, vy = velocities.old_x, velocities.old_y, velocities.vx, velocities.vy
-    x = y = damped = 0.0
+    mass = before_x = before_y = x = y = damped = 0.0
     for node in range(len(m)):
+        mass += m[node]
+        before_x += m[node] * old_x[node]
+        before_y += m[node] * old_y[node]
         x += m[node] * vx[node]
         y += m[node] * vy[node]
         damped += m[node] * (old_x[node] * vx[node] + old_y[node] * vy[node])
-    return x, y, damped
+    return mass, before_x, before_y, x, y, damped
