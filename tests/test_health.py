@@ -83,6 +83,26 @@ def test_a_notch_drawn_by_its_history_that_is_pressed(solver, split, scale, trip
 
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(
+    ("split", "direction", "tripped"),
+    [("spectral", "x", True), ("volumetric_deviatoric", "x", False), ("spectral", "y", False)],
+)
+def test_a_notch_drawn_by_its_history_that_is_sheared(solver, split, direction, tripped, tmp_path):
+    """A crack in shear is free of friction; half of a spectral shear is compression, which stays."""
+    steel = {"young": 210.0, "poisson": 0.3, "fracture": {"toughness": 100.0, "length_scale": 0.05, "split": split}}
+    across = {"x": "y", "y": "x"}[direction]
+    case = {
+        **PLATE, "materials": {"steel": steel}, "notches": [{"kind": "history", "start": [0.5, 0.5], "end": [1.5, 0.5]}],
+        "constraints": [
+            *({"on": "bottom", "direction": each, "value": 0} for each in "xy"),
+            {"on": "top", "direction": across, "value": 0}, {"on": "top", "direction": direction, "scale": 1},
+        ],
+    }  # fmt: skip
+    found = examined(case_from_tables(case, run=solver), tmp_path, solver)
+    assert beyond(found) == ({"sheared_notch"} if tripped else set())
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
 @pytest.mark.parametrize(("h", "resolved"), [(0.1, False), (0.025, True)])
 def test_a_warm_plate_clamped_on_one_edge_needs_fine_cells(solver, h, resolved, tmp_path):
     """Its F is the energy at the clamped corners: 8 % off with ten cells along the edge."""

@@ -54,6 +54,11 @@ INDICATORS = {
         0.05, "no_tension loses none of it, spectral a third, others more; an open notch is not asked",
         'draw the notch as a slit, or set fracture.split = "no_tension"',
     ),
+    "sheared_notch": Indicator(
+        "share of the elastic energy that a torn notch drawn by its history field carries in shear although it is open",
+        0.02, "a slit carries none, a notch pulled open 1e-5; sheared, the spectral split a tenth: no crack sets out",
+        'draw the notch as a slit, or set fracture.split = "volumetric_deviatoric"',
+    ),
     "locking": Indicator(
         "share of the elastic energy in volume changes that alternate from point to point",
         0.05, "0.78 in quadrilaterals that lock, 0.42 in triangles, 0.002 in those that do not",
@@ -156,7 +161,7 @@ def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
     slits = [notch for notch in case.all_notches if notch.kind == "slit"]
     if slits and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
-    for indicators in (_closed_notches, _locking, _resolution, _coarse_tips, _coarse_crack):
+    for indicators in (_history_notches, _locking, _resolution, _coarse_tips, _coarse_crack):
         found |= indicators(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
@@ -181,8 +186,9 @@ def _least_opening(slit: Segment, fields: Fields, h: float) -> float:
     return min((upper[key] - lower[key] for key in upper.keys() & lower.keys()), default=0.0)
 
 
-def _closed_notches(case: Case, fields: Fields) -> dict[str, float]:
-    """Of quasi-static cases: what closed history notches do not store of the energy of whole material at their strain."""
+def _history_notches(case: Case, fields: Fields) -> dict[str, float]:
+    """Of quasi-static cases: what torn history notches lose where they are closed, but in sliding, and carry in sliding
+    where they are not, of the energy of whole material at their strain."""
     notches = [notch for notch in case.all_notches if isinstance(notch, HistoryNotch)]
     if case.dynamics or case.eigenstrains or not notches:
         return {}
@@ -191,17 +197,21 @@ def _closed_notches(case: Case, fields: Fields) -> dict[str, float]:
     ux, uxy, uyx, uy = fields.gradient.T
     strain = np.column_stack([ux, uy, uxy + uyx])
     whole = np.einsum("nij,nj->ni", MaterialTable(case).stiffness[fields.body], strain)
-    lost = total = 0.0
+    lost = carried = total = 0.0
     for notch in notches:
         along, aside = notch.coordinates(fields.reference)
         within = (along > 0.0) & (along < notch.length) & (fields.phase_field < _WHOLE)
         near = within & (np.abs(aside) < cell_sizes(case, fields.reference).max(axis=1))
         x, y = notch.direction
         closed = near & (whole @ np.array([y * y, x * x, -2.0 * x * y]) < 0.0)
-        work = ((whole - fields.stress) * strain).sum(axis=1) * fields.volume
+        along_it = np.array([-x * y, x * y, x * x - y * y])
+        slide = strain @ (along_it * [2.0, 2.0, 1.0])
+        missing = whole - fields.stress
+        work = ((missing * strain).sum(axis=1) - (missing @ along_it) * slide) * fields.volume
         total += float(((whole * strain).sum(axis=1) * fields.volume)[near].sum())
         lost += float(work[closed].sum())
-    return {"closed_notch": lost / total} if total > 0.0 else {}
+        carried += float(((fields.stress @ along_it) * slide * fields.volume)[near & ~closed].sum())
+    return {"closed_notch": lost / total, "sheared_notch": carried / total} if total > 0.0 else {}
 
 
 def _means(key: NDArray, value: NDArray) -> dict[int, float]:
