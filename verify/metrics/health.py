@@ -264,7 +264,7 @@ def _coarse_tips(case: Case, fields: Fields) -> dict[str, float]:
     return {"coarse_tips": _TIP_SHIFT[case.mpm.order if by_points else 1] * released / total}
 
 
-def _released(fields: Fields, thickness: float, tip: NDArray, direction: NDArray, h: float) -> float:
+def _released(fields: Fields, thickness: float, tip: tuple[float, float], direction: NDArray, h: float) -> float:
     """Energy per length of growth of a slit at one of its ends [energy / length]; 0 where it ends on an edge."""
     inner, outer = (size * h for size in _TIP_BOXES)
     within = (np.abs(fields.reference - tip) < outer).all(axis=1)
