@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cases import Case, CaseError
+from cases import Case, CaseError, load_case
 from mpm import ExplicitMaterialPoints
 from mpm.grid import GridError
 from numerics.explicit import Instant, instants
@@ -120,6 +120,27 @@ def test_a_rigid_block_comes_to_rest_on_a_rigid_floor():
     assert not any(solver.contact.violations[f"contact_C{n}"] for n in (2, 3, 4))
 
 
+def test_a_block_that_rocks_on_a_rigid_floor_keeps_what_housner_says():
+    """Thrown off one corner it falls flat and goes on about the other, 1 - 1.5 sin² alpha of its rate left."""
+    spin, half, height = 0.1, 0.4, 3.2
+    block = {"material": "soft", "rigid": "free", "shape": {"rectangle": {"lower": [-half, 0], "upper": [half, height]}}}
+    about_corner = {"velocity": [-0.5 * spin * height, spin * half], "velocity_gradient": [[0.0, -spin], [spin, 0.0]]}
+    # nodes of the grid lie at the edges of the block
+    floor = {"material": "soft", "rigid": True, "shape": {"rectangle": {"lower": [-1.95, -0.5], "upper": [1.95, 0.0]}}}
+    case = case_of(
+        {"block": block | about_corner, "floor": floor, "far": square(5.0)}, 0.2, h=0.1, output={"records": 100},
+        contact={"friction": 0.6}, dynamics={"gravity": [0.0, -9.81], "time_step": 2e-4},
+    )  # fmt: skip
+    solver, rows = history(case)
+    impact = next(number for number, row in enumerate(rows) if number and row.columns["block_angle"] <= 0.0)
+    before, after = (rows[impact + way].columns["block_spin"] for way in (-1, 1))
+    rise = max(row.columns["block_angle"] for row in rows)
+    inertia_over_weight = 4.0 / 3.0 * (half**2 + 0.25 * height**2) / (9.81 * half)
+    assert rise == pytest.approx(0.5 * spin**2 * inertia_over_weight, rel=0.01)
+    assert after / before == pytest.approx(1.0 - 1.5 * half**2 / (half**2 + 0.25 * height**2), rel=0.02)
+    assert not any(solver.contact.violations[f"contact_C{n}"] for n in (2, 3, 4))
+
+
 def test_two_rigid_bodies_in_a_row_hand_on_what_they_have():
     bodies = {"a": free(velocity=[0.1, 0.0]), "b": free(1.2), "c": square(2.4)}
     solver, rows = history(case_of(bodies, 12.0))
@@ -169,6 +190,12 @@ def test_a_run_that_goes_on_ends_with_the_same_bits():
 def test_what_a_rigid_body_cannot_be_is_refused_in_a_sentence(bodies, more, said):
     with pytest.raises(CaseError, match=said):
         case_of(bodies, **more)
+
+
+def test_a_quasi_static_case_has_no_body_that_moves_freely():
+    name = next(iter(load_case("homogeneous_bar").bodies))
+    with pytest.raises(CaseError, match=rf"bodies\.{name}\.rigid' acts in dynamics only"):
+        load_case("homogeneous_bar", "quick", "fem", {"bodies": {name: {"rigid": "free"}}})
 
 
 @pytest.mark.parametrize("acting", ["constraints", "tractions"])

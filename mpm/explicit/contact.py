@@ -217,7 +217,7 @@ class Contact:
             for pair in touching:
                 if not pair.is_free_rigid:
                     self._meet(pair, step)
-            if sweep + 1 >= self._sweeps and (len(self._bodies) == 2 or not any(moved)):
+            if sweep + 1 >= self._sweeps and (len(touching) == 1 or not any(moved)):
                 break
         for pair in rigid:
             self._count_impulses(pair, step)
