@@ -178,8 +178,8 @@ class Dynamics(Table):
     affine : map the points' velocity gradients to the grid too, so that a turning body keeps its spin: without it a
         node beside the edge takes the velocity of the points' middle, not that of its own place
     order_of_update : strains after ("musl") or before ("usl", as Algorithm 3) the points' velocities, which "musl" maps
-        to the grid again: a light node at a free edge then takes no speed that its points do not have. With the affine
-        map it is "usl"
+        to the grid again: a light node at a free edge then takes no speed that its points do not have. Left out it is
+        "musl", with the affine map "usl"
     rotation : "additive" sums small strains in fixed axes (Eq. 6.41); "corotational" turns them with the material
     settling : a damped stage before time 0 in which gravity comes on
     ground : how the ground moves from time 0 on
@@ -193,10 +193,15 @@ class Dynamics(Table):
     damping: Annotated[Rate, Field(ge=0)] = 0.0
     flip: Annotated[Number, Field(ge=0, le=1)] = 1.0
     affine: Switch = False
-    order_of_update: Literal["musl", "usl"] = "musl"
+    order_of_update: Literal["musl", "usl"] | None = None
     rotation: Literal["additive", "corotational"] = "corotational"
     settling: Settling | None = None
     ground: Ground | None = None
+
+    @property
+    def strains_last(self) -> bool:
+        """Strains follow the points' velocities (MUSL)."""
+        return not self.affine if self.order_of_update is None else self.order_of_update == "musl"
 
     @property
     def start_time(self) -> float:
@@ -209,13 +214,6 @@ class Dynamics(Table):
             remedy = "leave out time_step_rule and time_step_share, or time_step"
             raise BrokenRuleError("stands beside the rule for it", remedy, "time_step", self.time_step)
         return self
-
-    @model_validator(mode="before")
-    @classmethod
-    def _order_for_its_map(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("affine") is True:
-            return {"order_of_update": "usl"} | data
-        return data
 
     @model_validator(mode="after")
     def _keeps_gradients_that_are_updated(self) -> Dynamics:

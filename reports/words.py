@@ -54,6 +54,7 @@ LEVELS = {
     "update": ("order of update", ""),
     "flip": ("share of FLIP, the rest being PIC", ""),
     "end_time": ("time", "time"),
+    "young": ("Young's modulus", "stress"),
     "uplift_ratio": ("amplitude of the pulse over that which lifts the block", ""),
     "frequency_ratio": ("frequency of the pulse over the block's", ""),
 }

@@ -805,6 +805,6 @@ def test_the_schema_names_the_tables_and_allows_units() -> None:
 
 
 def test_strains_come_last_but_with_the_affine_map() -> None:
-    assert Dynamics.model_validate({"end_time": 1.0}).order_of_update == "musl"
-    assert Dynamics.model_validate({"end_time": 1.0, "affine": True}).order_of_update == "usl"
-    assert Dynamics.model_validate({"end_time": 1.0, "affine": False, "order_of_update": "usl"}).order_of_update == "usl"
+    assert Dynamics.model_validate({"end_time": 1.0}).strains_last
+    assert not Dynamics.model_validate({"end_time": 1.0, "affine": True}).strains_last
+    assert not Dynamics.model_validate({"end_time": 1.0, "order_of_update": "usl"}).strains_last

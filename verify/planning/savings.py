@@ -10,7 +10,6 @@ from cases import Case
 from cases.judging import merge
 from cases.rules import what_reaches
 from cases.solvers import SOLVERS
-from mpm.explicit.step_bound import stable_step
 
 Tables = dict[str, Any]
 
@@ -138,6 +137,8 @@ def _rigid_block(case: Case) -> Saving:
 
 def _longer_step(case: Case, rigid: dict[str, Any]) -> float:
     """By how much the step by the case's rule grows where bodies are rigid so."""
+    from mpm.explicit.step_bound import stable_step  # judging does without compiled laws
+
     bodies = {name: body.model_copy(update={"rigid": rigid.get(name, body.rigid)}) for name, body in case.bodies.items()}
     return stable_step(case.model_copy(update={"bodies": bodies})) / stable_step(case)
 
