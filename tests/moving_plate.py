@@ -54,7 +54,7 @@ def of_fourth_order(gamma: str) -> str:
 
 
 MOVING = """
-    dynamics = { end_time = 16.0, time_step_rule = "courant", time_step_share = 0.8, order_of_update = "usl" }
+    dynamics = { end_time = 16.0, time_step_rule = "courant", time_step_share = 0.8 }
     staggered = { scheme = "passes", passes = <passes>, tolerance = <tolerance> }
 """
 PULLED = '    tractions = [{ on = "top", value = [0.0, 2.0] }, { on = "bottom", value = [0.0, -2.0] }]\n'

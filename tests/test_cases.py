@@ -21,7 +21,6 @@ from cases.boundaries import EDGES, BoundarySet
 from cases.geometry import Shape
 from cases.json_schema import SCHEMA_FILE, case_schema, schema_text
 from cases.judging import merge, nest
-from cases.loading import Dynamics
 from cases.material import Material
 from cases.units import COMMON, Units, unit_registry
 
@@ -802,9 +801,3 @@ def test_the_schema_names_the_tables_and_allows_units() -> None:
     assert schema["additionalProperties"] is False
     assert {"type": "string"} in schema["$defs"]["Mesh"]["properties"]["h"]["anyOf"]
     assert json.dumps(schema)
-
-
-def test_strains_come_last_but_with_the_affine_map() -> None:
-    assert Dynamics.model_validate({"end_time": 1.0}).strains_last
-    assert not Dynamics.model_validate({"end_time": 1.0, "affine": True}).strains_last
-    assert not Dynamics.model_validate({"end_time": 1.0, "order_of_update": "usl"}).strains_last

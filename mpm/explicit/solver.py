@@ -62,7 +62,7 @@ class ExplicitMaterialPoints:
         ]
         self._break_notches()
         self._outer_work = self._boundary_power = 0.0
-        self._updates_last = case.dynamics.strains_last
+        self._updates_last = case.dynamics.order_of_update == "musl"
         self.costs.count["points"] = len(self.cloud.positions)
 
     def _start_from_exact(self) -> None:

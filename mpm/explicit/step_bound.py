@@ -49,7 +49,7 @@ def proven_step(case: Case) -> float:
         for i in deforming_bodies(case)
     ]
     assert case.dynamics is not None
-    lost = not case.dynamics.strains_last and not case.dynamics.affine
+    lost = case.dynamics.order_of_update == "usl" and not case.dynamics.affine
     return 2.0 / float(np.sqrt((2.0 if lost else 1.0) * max(values)))
 
 

@@ -128,7 +128,7 @@ def critical_step(case: Case, points: NDArray) -> float:
     """2 / sqrt(largest eigenvalue of A M^-1 K) of a cloud (n, 2; in cells) [time]; infinite where no mode can grow."""
     assert case.dynamics is not None
     share, stiffness = _matrices(points, case.mpm.order, case.dynamics.affine, *_constants(case))
-    amplified = 2.0 * np.eye(len(share)) - share if not case.dynamics.strains_last else share
+    amplified = 2.0 * np.eye(len(share)) - share if case.dynamics.order_of_update == "usl" else share
     largest = float(np.linalg.eigvals(amplified @ stiffness).real.max())
     scale = case.mesh.h * float(np.sqrt(MaterialTable(case).density[0]))
     return 2.0 * scale / np.sqrt(largest) if largest > 1e-9 * np.abs(stiffness).max() else np.inf
