@@ -13,5 +13,11 @@ def test_solvers_agree_on_a_random_scene_or_say_why_not(seed, tmp_path):
     assert not found.suspicions
 
 
+def test_a_short_slit_by_which_the_solvers_part_is_told(tmp_path):
+    found = outcome(1054, tmp_path)
+    assert found.apart > 0.02 and not found.silent
+    assert all("tips of slits" in text for text in found.suspicions)
+
+
 def test_solvers_agree_on_a_random_scene_that_breaks(tmp_path):
     assert not outcome(4, tmp_path, breaking=True).silent
