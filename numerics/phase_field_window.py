@@ -121,6 +121,8 @@ def conjugate_gradients(
     order 4 the bends do.
     """
     correction = np.zeros(len(right_side))
+    if not len(correction):
+        return correction, 0
     pull = PULL * sources.max(initial=0.0)
     iterations = _solve_rows(neighbours, values, diagonal, right_side, pull, share * (sources + pull), correction)
     if iterations < 0:

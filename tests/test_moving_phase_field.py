@@ -18,6 +18,7 @@ from moving_plate import (
 
 from mpm import MaterialPoints
 from mpm.explicit.solver import ExplicitMaterialPoints
+from numerics.phase_field_window import conjugate_gradients
 
 
 def test_the_first_phase_field_is_that_of_the_quasi_static_solver(tmp_path):
@@ -122,3 +123,11 @@ def test_what_points_hardly_see_does_not_spoil_what_they_see_later(tmp_path):
     phase_field.solve(0.0, everywhere=True)
     np.testing.assert_allclose(body.points.crack.c, expected, atol=2e-3)
     assert points.balance().fracture == pytest.approx(energy, rel=1e-3)
+
+
+def test_a_window_without_a_node_of_its_own_has_nothing_to_solve():
+    nothing = np.zeros(0)
+    correction, iterations = conjugate_gradients(
+        np.zeros((0, 9), np.int32), np.zeros((0, 9)), np.zeros(0, np.int64), nothing, nothing, 1e-4
+    )
+    assert len(correction) == iterations == 0

@@ -123,7 +123,7 @@ class NodeRows:
         self._near, self.own, slots = _neighbours(elements, n_nodes)
         if places > 1:
             slots = np.repeat(_each_place(slots, places), places, axis=1)
-        self._slots = slots.astype(np.uint8)
+        self._slots = slots.astype(np.uint16)
 
     def summed(self, cells: NDArray, nodes: NDArray, equations: LocalSystems) -> WindowRows:
         """Sum up the equations of elements (m,) for the nodes (n,) that they are solved for."""

@@ -156,7 +156,7 @@ class MovingBody:
         trial_velocities(window.width, step, x, y, damping, window.sums, velocities)
 
     def update_points(self, step: float) -> None:
-        """Velocities of the points; a rigid body's new places."""
+        """Velocities of the points."""
         self._to_points(step, with_velocities=True, with_strains=False)
 
     def update_all(self, step: float) -> None:

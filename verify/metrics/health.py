@@ -258,6 +258,8 @@ def _coarse_tips(case: Case, fields: Fields) -> dict[str, float]:
     if case.dynamics or case.eigenstrains or not slits or total <= 0.0 or fields.phase_field.min() <= _WHOLE:
         return {}
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
+    if not by_points and any(body.mesh for body in case.bodies.values()):  # their elements are not those of the grid
+        return {}
     ends = [(tip, sign * slit.direction) for slit in slits for tip, sign in ((slit.start, -1.0), (slit.end, 1.0))]
     sizes = cell_sizes(case, np.array([tip for tip, _ in ends])).max(axis=1)
     released = sum(h * _released(fields, case.plane.thickness, *end, h) for end, h in zip(ends, sizes, strict=True))
