@@ -120,6 +120,11 @@ class Arch(Table):
         x, y = (np.asarray(points, dtype=float) - self.centre).T
         return np.degrees(np.arctan2(x, y)), np.hypot(x, y)
 
+    def middle(self, angles: ArrayLike) -> Array:
+        """Points (n, 2) on the vault's middle line at angles (n,) from the crown towards +x [degrees]."""
+        turned = np.radians(np.asarray(angles, dtype=float))
+        return self.centre + (self.radius + 0.5 * self.thickness) * np.stack([np.sin(turned), np.cos(turned)], axis=-1)
+
     def in_vault(self, points: ArrayLike, slack: float = 0.0) -> NDArray[np.bool_]:
         """Mask (n,) of the points (n, 2) in the vault, its outline moved outwards by `slack` [length]."""
         _, radius = self.polar(points)

@@ -16,6 +16,10 @@ from .words import listed, number
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
+    from verify.metrics.hinges import Hinge
+
     from .results import CaseResults, RunResults
 
 
@@ -46,6 +50,18 @@ def hinges(results: CaseResults, folder: Path) -> style.Drawing | None:
         f"The vault stands without tension up to a horizontal load of {number(factor, 2)} of its weight. {said}.",
         pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(),
     )
+
+
+def hinges_with_places(results: CaseResults, run: RunResults) -> list[tuple[Hinge, NDArray]]:
+    """The hinges of a run and where they lay at its start (2,); none without a vault."""
+    if results.case is None:
+        return []
+    try:
+        _, arch = arch_of(results.case)
+    except MetricError:
+        return []
+    found = hinges_of(run.folder)
+    return list(zip(found, arch.middle([hinge.angle for hinge in found]), strict=True))
 
 
 def _least_over_angle(run: RunResults) -> pd.DataFrame:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from verify.runs.frames import Frame, read_frames
 
 from . import style
+from .arch import hinges_with_places
 from .fields import largest_stress, unbroken_stress
 from .words import listed, number
 
@@ -94,9 +95,12 @@ def film(results: CaseResults, folder: Path) -> style.Film | None:
     every = [frame for _, frames in shown for frame in frames[:count]]
     view, limit, broke = _View(every), largest_stress(every) or 1.0, _broke(every)
     figure, images, title = _film_figure(results, [run for run, _ in shown], view, limit, broke)
+    marks = [row[0].axes.plot([], [], "o", ms=6, mfc="white", mec=style.INK, mew=1.2)[0] for row in images]
+    hinges = [hinges_with_places(results, run) for run, _ in shown]
     files, times = [], []
     for step in range(count):
-        for row, (_, frames) in zip(images, shown, strict=True):
+        for row, mark, of_run, (_, frames) in zip(images, marks, hinges, shown, strict=True):
+            mark.set_data(*moved(frames[step], [place for hinge, place in of_run if hinge.time <= frames[step].time]).T)
             for image, picture in zip(row, _pictures(view, frames[step], broke), strict=True):
                 image.set_data(picture)
         times.append(float(shown[0][1][step].time))
@@ -108,7 +112,15 @@ def film(results: CaseResults, folder: Path) -> style.Film | None:
         f"(σxx + σyy)/2, colours cut at ±{number(limit, 3)} {results.unit('stress')}; points with "
         f"c < {style.BROKEN_BELOW:g} are removed from it."
     )
+    if any(hinges):
+        caption += " Circles: hinges of the vault that have opened."
     return style.Film("film", "Motion", caption, files, times, results.unit("time"))
+
+
+def moved(frame: Frame, places: list[np.ndarray]) -> np.ndarray:
+    """Where places of the start (n, 2) are in a frame, carried by the nearest point."""
+    nearest = [int(np.linalg.norm(frame.reference - place, axis=1).argmin()) for place in places]
+    return np.reshape(places, (-1, 2)) + frame.displacement[nearest]
 
 
 def _pictures(view: _View, frame: Frame, broke: bool) -> list[np.ma.MaskedArray]:

@@ -1,6 +1,7 @@
 """Arches on buttresses: shape, parts that cannot break, angles of regions, hinges, and limit analysis beside them."""
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from cases.geometry import Shape
 from mpm import ExplicitMaterialPoints
 from physics.rocking.limit_analysis import Arch
 from reports.arch import hinges
+from reports.film import moved
 from reports.results import CaseResults
 from reports.rocking import angles
 from verify import run
@@ -192,3 +194,14 @@ def test_a_crack_that_ends_in_the_vault_is_no_hinge():
     assert METRICS["hinge_count"](Seen(arch_case(), {-48.0: 2.0}, depth=0.05)) == 0
     with pytest.raises(MetricError, match="no hinge"):
         METRICS["hinge_mismatch"](Seen(arch_case(), {}))
+
+
+def test_a_film_marks_the_hinges_where_the_vault_has_carried_them():
+    assert SHAPE.arch is not None
+    angles = np.array([-50.0, 0.0, 30.0])
+    np.testing.assert_allclose(SHAPE.arch.polar(SHAPE.arch.middle(angles)), [angles, 3 * [3.588]], atol=1e-9)
+    reference = SHAPE.arch.middle(angles)
+    frame = SimpleNamespace(reference=reference, displacement=np.array([[0.0, 0.0], [0.0, -0.5], [0.1, 0.0]]))
+    np.testing.assert_allclose(moved(frame, [SHAPE.arch.middle(1.0), reference[2]])[:, 1] - reference[1:, 1],
+                               [-0.5 - 3.588 * (1.0 - math.cos(math.radians(1.0))), 0.0], atol=1e-9)  # fmt: skip
+    assert moved(frame, []).shape == (0, 2)
