@@ -142,6 +142,11 @@ def test_a_verdict_is_open_until_nothing_can_change_it():
     assert settled_verdict(block, 0.9, time, out, 0.9 * enough) is Verdict.NO_IMPACT
     assert settled_verdict(block, 0.9, time, out, 0.01) is None
     assert settled_verdict(block, 0.9, time, out, -enough) is None  # an impact comes first
+    back = np.radians([0.0, 8.0, 5.0])
+    little = math.sqrt(2.0 * block.frequency**2 * (1.0 - math.cos(block.slenderness - back[-1])))
+    assert settled_verdict(block, 0.9, time, back, -0.1 * little) is Verdict.SAFE
+    assert settled_verdict(block, 0.9, time, back, -0.9 * little) is None  # too near to the barrier
+    assert settled_verdict(block, 0.9, time, np.radians([0.0, 12.0, 24.0]), -0.1) is None  # falls, hardly braked
     assert settled_verdict(block, 2.0, time, out, enough) is None  # the ground still moves
     assert settled_verdict(block, 9.0, time, np.radians([-1.0, 2.0, 85.1]), 0.0) is Verdict.AFTER_IMPACTS
 

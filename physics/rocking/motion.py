@@ -19,6 +19,9 @@ IMPACT_ANGLE = 0.1
 SAFE_IMPACTS = 2
 #: energy over the barrier with which the fall of a block that deforms is settled, as a share of the barrier
 MARGIN = 0.05
+#: energy below the barrier with which a block that swings back is safe, as a share of the barrier: what it stands on may
+#: be a tenth narrower than its base
+SAFE_MARGIN = 0.2
 #: and the angle, over that at which the centre stands over the corner
 NO_RETURN = 1.5
 
@@ -83,8 +86,9 @@ def settled_verdict(block: Block, ground_end: float, time: ArrayLike, angle: Arr
     """The verdict on a motion so far, None where it is still open.
 
     It is settled where the block has fallen; or the ground rests, and the block has met it `SAFE_IMPACTS` times since
-    then, or moves outward beyond `NO_RETURN` or with more energy than the barrier where its centre stands over the
-    corner, by `MARGIN`: the base of a block that deforms is not quite its width.
+    then, or swings back with less energy than the barrier where its centre stands over the corner, by `SAFE_MARGIN`, or
+    moves outward beyond `NO_RETURN` or with more energy than the barrier, by `MARGIN`: the base of a block that deforms
+    is not quite its width.
 
     Parameters
     ----------
@@ -99,9 +103,10 @@ def settled_verdict(block: Block, ground_end: float, time: ArrayLike, angle: Arr
     if sum(impact > ground_end for impact in impacts) >= SAFE_IMPACTS:
         return Verdict.SAFE
     alpha, square = block.slenderness, block.frequency**2
-    energy = 0.5 * rate**2 - square * (1.0 - math.cos(alpha - abs(last)))
-    outward = last * rate > 0.0 and abs(last) > math.radians(IMPACT_ANGLE)
-    beyond = abs(last) > NO_RETURN * alpha or energy > MARGIN * square * (1.0 - math.cos(alpha))
-    if outward and beyond:
-        return verdict_of(True, len(impacts))
-    return None
+    energy, barrier = 0.5 * rate**2 - square * (1.0 - math.cos(alpha - abs(last))), square * (1.0 - math.cos(alpha))
+    if abs(last) <= math.radians(IMPACT_ANGLE):
+        return None
+    if last * rate > 0.0:
+        beyond = abs(last) > NO_RETURN * alpha or energy > MARGIN * barrier
+        return verdict_of(True, len(impacts)) if beyond else None
+    return Verdict.SAFE if energy < -SAFE_MARGIN * barrier and abs(last) < alpha else None
