@@ -94,6 +94,9 @@ class BoundarySet(Table):
         Lines are cut where a box or a segment ends, and lie on any other set with both of their ends. ``tolerance`` and
         ``box`` as in `select`.
         """
+        if self.edges:  # a line from one edge to another lies on neither
+            each = [BoundarySet(edge=edge).parts_of_lines(lines, tolerance, box) for edge in self.edges]
+            return np.maximum.reduce(each)
         ends = np.stack([self.select(lines[:, end], tolerance, box) for end in (0, 1)])
         part = np.outer(ends.all(axis=0), [0.0, 1.0])
         if self.box:

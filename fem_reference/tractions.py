@@ -1,4 +1,4 @@
-"""Tractions of a case as forces on the nodes of a mesh."""
+"""Tractions of a case as forces on the nodes of a mesh, and the edges that its constraints hold."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cases import Case
 from cases.loads import Traction
 from fem_reference.element_basis import ElementBasis
-from numerics.surface import Edges, check_loaded_length
+from numerics.surface import ON_SET, Edges, check_held_length, check_loaded_length
 
 
 class LoadedEdge(NamedTuple):
@@ -42,6 +42,16 @@ def traction_forces(case: Case, basis: ElementBasis) -> list[LoadedEdge]:
         np.add.at(forces, ends, np.stack([first[:, None] * force, second[:, None] * force], axis=1))
         loads.append(LoadedEdge(traction, forces, length))
     return loads
+
+
+def check_held_edges(case: Case, basis: ElementBasis) -> None:
+    """Raise BuiltError where a constraint on the displacement holds edges of another length than the drawn ones."""
+    remedy = "let it end where nodes are, at multiples of mesh.h from the body's corners, or make mesh.h smaller"
+    ends, edges = _boundary_edges(basis)
+    for number, constraint in enumerate(case.constraints):
+        if constraint.direction != "phase":
+            on = case.boundaries[constraint.on].select(basis.nodes, ON_SET * case.mesh.h, case.bounding_box())
+            check_held_length(case, number, float(edges.lengths[on[ends].all(axis=1)].sum()), remedy)
 
 
 def _boundary_edges(basis: ElementBasis) -> tuple[NDArray, Edges]:

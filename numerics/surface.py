@@ -1,4 +1,4 @@
-"""The drawn edges of a case's bodies, and the parts of them on which tractions act."""
+"""The drawn edges of a case's bodies, and the parts of them on which tractions act or constraints hold."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .description import outlines
 
 #: a boundary set ends this near to a place, in multiples of h, where it ends on it
 ON_SET = 1e-6
-#: the edges that a discretisation loads may be shorter or longer than the drawn ones by this share of them
+#: the edges that a discretisation loads or holds may be shorter or longer than the drawn ones by this share of them
 LENGTH_SHARE = 0.05
 
 
@@ -82,11 +82,16 @@ def loaded_lengths(lengths: Iterable[float]) -> dict[str, float]:
     return {f"loaded_length_{number}": float(length) for number, length in enumerate(lengths)}
 
 
+def drawn_length(case: Case, boundary: str) -> float:
+    """Length of the drawn edges that lie on a boundary set [length]."""
+    edges = drawn_edges(case)
+    return float(edges.cut(edges.on(case, case.boundaries[boundary])).lengths.sum())
+
+
 def check_loaded_length(case: Case, number: int, loaded: float) -> None:
     """Raise BuiltError where a traction acts on nothing, or on edges of another length than the drawn ones."""
-    traction = case.tractions[number]
-    edges, name = drawn_edges(case), f"{case.source}: tractions[{number}].on = '{traction.on}'"
-    drawn = float(edges.cut(edges.on(case, case.boundaries[traction.on])).lengths.sum())
+    on = case.tractions[number].on
+    drawn, name = drawn_length(case, on), f"{case.source}: tractions[{number}].on = '{on}'"
     if loaded <= 0.0:
         raise BuiltError(
             f"{name}: no edge of a body lies on it, so it would load nothing; move it onto an edge, or let it enclose a"
@@ -96,4 +101,18 @@ def check_loaded_length(case: Case, number: int, loaded: float) -> None:
         raise BuiltError(
             f"{name}: {loaded:.4g} {case.units.length} of edge are loaded of {drawn:.4g} drawn; make mesh.h smaller, or"
             " let it end where edges end"
+        )
+
+
+def check_held_length(case: Case, number: int, held: float, remedy: str) -> None:
+    """Raise BuiltError where a constraint holds edges of another length than the drawn ones.
+
+    A set that is shorter than a cell is meant as a point.
+    """
+    on = case.constraints[number].on
+    drawn = drawn_length(case, on)
+    if drawn > case.mesh.h and abs(held - drawn) > LENGTH_SHARE * drawn:
+        raise BuiltError(
+            f"{case.source}: constraints[{number}].on = '{on}': {held:.4g} {case.units.length} of edge are held of"
+            f" {drawn:.4g} drawn; {remedy}"
         )

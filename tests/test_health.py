@@ -276,3 +276,24 @@ def test_what_the_cells_at_the_tips_of_a_slit_cost_is_told_in_advance(element, o
     true = (coarse - fine) / fine
     assert told - less == pytest.approx(true, rel=0.15)
     assert (told > INDICATORS["coarse_tips"].limit) == (order == 1)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_tips_of_a_slit_under_pressure_cost_more(solver, tmp_path):
+    """All the energy is about the crack (Sneddon), and the faces' pressure adds to what its growth sets free."""
+
+    def factor(h):
+        square = {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}
+        tables = {
+            **PLATE, "mesh": {"h": h}, "bodies": {"plate": square}, "notches": [slit(0.3, 0.7)],
+            "boundaries": {"crack": {"segment": [[0.3, 0.5], [0.7, 0.5]]}},
+            "tractions": [{"on": "crack", "pressure": 1e-3, "ramp": "load"}],
+            "constraints": [{"on": "bottom", "direction": direction, "value": 0} for direction in "xy"],
+            "runs": {solver: {"solver": solver}},
+        }  # fmt: skip
+        done = running.run(case_from_tables(tables, run=solver), solver, out=tmp_path / str(h), threads=1)
+        return done.history["F"].iloc[-1], done.info["health"]["coarse_tips"]
+
+    (coarse, told), (fine, less) = factor(0.05), factor(0.0125)
+    assert told - less == pytest.approx((fine - coarse) / fine, rel=0.25)
+    assert told > INDICATORS["coarse_tips"].limit

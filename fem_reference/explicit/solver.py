@@ -14,6 +14,7 @@ from fem_reference.element_basis import ElementBasis
 from fem_reference.explicit.moving_nodes import MovingNodes, NodalMotion
 from fem_reference.explicit.phase_field import ElementPhaseField
 from fem_reference.explicit.strain_and_forces import ElementLaw, Strain, evaluate_strain, raise_history
+from fem_reference.tractions import check_held_edges
 from numerics.costs import Costs
 from numerics.explicit import Balance, BlewUpError
 from numerics.fields import Fields
@@ -58,6 +59,7 @@ class ExplicitFiniteElements:
         self._law = ElementLaw.of(materials, basis.body)
         self._coefficients = PhaseFieldCoefficients(materials, basis.body)
         constraints = NodeConstraints(case, basis.nodes)
+        check_held_edges(case, basis)
         self._density = materials.density[basis.body]
         self._nodes = MovingNodes(case, basis, self._density, constraints)
         self._phase_field = ElementPhaseField(case, basis, materials, constraints, self.costs)

@@ -32,6 +32,7 @@ from fem_reference.mesh.triangles import (
     SizedBox,
     SizeField,
     circles_of,
+    cuts_of_box,
     notch_outline,
     outline_of,
     planar_graph,
@@ -180,14 +181,17 @@ def _features(case: Case) -> tuple[Feature, ...]:
 
 def _anchors(case: Case) -> list[tuple[float, float]]:
     """Points that are to be nodes where they lie on an outline: ends of notches, of supports and of loads."""
-    notches = [end for notch in case.notches for end in (notch.start, notch.end)]
-    boundaries = case.boundaries.values()
-    points = [boundary.point for boundary in boundaries if boundary.point]
-    return [
-        *notches,
-        *points,
-        *(corner for b in boundaries if b.box for corner in (b.box.lower, b.box.upper)),
-    ]
+    shapes = [body.shape for body in case.bodies.values() if body.shape]
+    anchors = [end for notch in case.notches for end in (notch.start, notch.end)]
+    for boundary in case.boundaries.values():
+        if boundary.point:
+            anchors.append(boundary.point)
+        if boundary.segment:
+            anchors += boundary.segment
+        if boundary.box:
+            anchors += [boundary.box.lower, boundary.box.upper]
+            anchors += [cut for shape in shapes for cut in cuts_of_box(shape, boundary.box)]
+    return anchors
 
 
 def _outlines(case: Case, shapes: dict[int, Shape]) -> list[BaseGeometry]:

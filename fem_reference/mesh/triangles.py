@@ -6,7 +6,7 @@ netgen fills it without touching these edges. So a slit is a chain of mesh edges
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ from netgen.geom2d import SplineGeometry
 from shapely.geometry.base import BaseGeometry
 
 from cases.errors import MeshError
-from cases.geometry import Circle, Shape
+from cases.geometry import Box, Circle, Shape
 from cases.mesh_arrays import Floats, Integers, MeshArrays, signed_areas
 from cases.notches import CellsNotch, Segment
 
@@ -163,14 +163,31 @@ def outline_of(shape: Shape, size: SizeField, corners: Sequence[tuple[float, flo
 def _ends_of_arcs(shape: Shape) -> list[tuple[float, float]]:
     """Points at which straight edges of the shape cut its circles."""
     straight = [np.asarray(part.outline().exterior.coords) for part in _parts_of(shape) if not part.disc]
-    found = []
+    return [cut for corners in straight for edge in pairwise(corners) for cut in _cuts_of_circles(shape, edge)]
+
+
+def _cuts_of_circles(shape: Shape, edge: Sequence[Floats]) -> Iterator[tuple[float, float]]:
+    """Points at which a straight edge, from its start to its end (2,), cuts the circles of the shape."""
+    start, way = np.asarray(edge[0]), np.subtract(edge[1], edge[0])
     for circle in circles_of(shape):
-        for start, end in (edge for corners in straight for edge in pairwise(corners)):
-            way, offset = end - start, start - circle.centre
-            half, square = way @ offset / (way @ way), (offset @ offset - circle.radius**2) / (way @ way)
-            root = np.sqrt(max(0.0, half**2 - square))
-            found += [start + t * way for t in (-half - root, -half + root) if 0.0 <= t <= 1.0 and half**2 > square]
-    return [(float(x), float(y)) for x, y in found]
+        offset = start - circle.centre
+        half, square = way @ offset / (way @ way), (offset @ offset - circle.radius**2) / (way @ way)
+        root = np.sqrt(max(0.0, half**2 - square))
+        for t in (-half - root, -half + root):
+            if 0.0 <= t <= 1.0 and half**2 > square:
+                x, y = start + t * way
+                yield float(x), float(y)
+
+
+def cuts_of_box(shape: Shape, box: Box) -> Iterator[tuple[float, float]]:
+    """Points at which the sides of a box cut the outline of the shape."""
+    sides = pairwise(np.asarray(shapely.box(*box.lower, *box.upper).exterior.coords))
+    for edge in (side for side in sides if np.ptp(side, axis=0).any()):  # a flat box has two of no length
+        yield from _cuts_of_circles(shape, edge)
+        for part in _parts_of(shape):
+            if not part.disc:
+                cuts = shapely.LineString(edge).intersection(part.outline().boundary)
+                yield from ((float(x), float(y)) for x, y in shapely.get_coordinates(cuts))
 
 
 def _parts_of(shape: Shape) -> list[Shape]:
@@ -319,8 +336,10 @@ def _cut_at(edge: Floats, anchors: Sequence[tuple[float, float]], tolerance: flo
     """The edge as pieces that end at the anchors on it, (n_pieces, 2, 2)."""
     line = shapely.LineString(edge)
     on_edge = [anchor for anchor in anchors if line.distance(shapely.Point(anchor)) < tolerance]
-    inner = [a for a in on_edge if np.linalg.norm(edge - a, axis=1).min() > tolerance]
-    inner.sort(key=lambda anchor: float(np.linalg.norm(edge[0] - anchor)))
+    inner: list[Floats] = []
+    for anchor in sorted(on_edge, key=lambda anchor: float(np.linalg.norm(edge[0] - anchor))):
+        if np.linalg.norm(np.array([*edge, *inner]) - anchor, axis=1).min() > tolerance:
+            inner.append(np.asarray(anchor))
     return _consecutive(np.array([edge[0], *inner, edge[1]]))
 
 

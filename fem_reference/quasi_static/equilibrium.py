@@ -11,7 +11,7 @@ from cases.notches import SlitNotch
 from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
 from fem_reference.mesh.slits import face_pairs
-from fem_reference.tractions import traction_forces
+from fem_reference.tractions import check_held_edges, traction_forces
 from numerics.closing import ClosingFaces
 from numerics.costs import Costs
 from numerics.displacement_equations import DisplacementEquations
@@ -26,6 +26,7 @@ class MeshEquilibrium(DisplacementEquations):
 
     def __init__(self, case: Case, basis: ElementBasis, costs: Costs) -> None:
         self.constraints = NodeConstraints(case, basis.nodes)
+        check_held_edges(case, basis)
         self._closing = _closing_faces(case, basis)
         equations = self.constraints.equations
         extra = self._closing.coupling(equations)

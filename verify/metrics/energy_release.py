@@ -11,7 +11,11 @@ outward normal on C is -n, so
     J = - int_A P_j q,j dA = int_A ( sigma_ij u_i,k e_k - W e_j ) q,j dA
 
 (Li, Shih & Needleman 1985, doi 10.1016/0013-7944(85)90029-3), which is positive for a crack that opens. Faces
-of the crack must be free of traction and parallel to e where they cross the area.
+of the crack must be parallel to e where they cross the area. Tractions t on them add
+
+    - int_faces t_i u_i,k e_k q ds
+
+(Shih, Moran & Nakamura 1986, doi 10.1007/BF00034019).
 """
 
 from __future__ import annotations
@@ -58,12 +62,31 @@ def energy_release_rate(
     return float(np.sum(area * np.sum(flux * weight_gradient, axis=1)))
 
 
+def release_rate_of_faces(
+    offset: ArrayLike, length: ArrayLike, traction: ArrayLike, gradient: ArrayLike, inner: float, outer: float,
+    direction: ArrayLike,
+) -> float:  # fmt: skip
+    """What tractions on the faces add to the energy release rate [force / length].
+
+    offset : (n, 2) from the tip to places on the faces. length : (n,) of the face that each stands for.
+    traction : (n, 2) [stress]. gradient : (n, 4), inner, outer, direction as for `energy_release_rate`.
+    """
+    slope = np.asarray(gradient, dtype=float).reshape(-1, 2, 2) @ (np.asarray(direction) / np.linalg.norm(direction))
+    weight = np.prod(_fall(np.asarray(offset, dtype=float), inner, outer)[0], axis=1)
+    return -float(np.sum(np.asarray(length) * weight * np.sum(np.asarray(traction) * slope, axis=1)))
+
+
 def _weight_gradient(offset: Array, inner: float | ArrayLike, outer: float | ArrayLike) -> Array:
-    """Gradient (n, 2) of q = s(x) s(y); s falls from 1 to 0 between the boxes as a smooth cubic."""
+    """Gradient (n, 2) of q = s(x) s(y)."""
+    s, slope = _fall(offset, inner, outer)
+    return slope * s[:, ::-1]
+
+
+def _fall(offset: Array, inner: float | ArrayLike, outer: float | ArrayLike) -> tuple[Array, Array]:
+    """s (n, 2), which falls from 1 to 0 between the boxes as a smooth cubic, and its slope (n, 2)."""
     inner, outer = np.broadcast_to(inner, 2), np.broadcast_to(outer, 2)
     if not (np.all(inner > 0) and np.all(outer > inner)):
         raise ValueError(f"the boxes need 0 < inner < outer, but inner = {inner}, outer = {outer}")
     t = np.clip((np.abs(offset) - inner) / (outer - inner), 0.0, 1.0)
     s = 1.0 - t**2 * (3.0 - 2.0 * t)
-    slope = -6.0 * t * (1.0 - t) / (outer - inner) * np.sign(offset)
-    return slope * s[:, ::-1]
+    return s, -6.0 * t * (1.0 - t) / (outer - inner) * np.sign(offset)
