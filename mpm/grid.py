@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from cases import Case
-from cases.spacing import grid_lines
+from cases.spacing import SAME_LINE, grid_lines
 from mpm.slits import GridError, GridSlit, SlitLine, slit_lines
 from mpm.splines import Axis
 from numerics.staggered import NewtonError
@@ -44,10 +44,8 @@ class Grid:
     def check_edges_interpolate(self, key: str, remedy: str) -> None:
         """Prescribed grid nodes need functions that interpolate on the body's edges; GridError names key and remedy."""
         lower, upper = self._box
-        on_edges = all(
-            np.isclose(axis.breakpoints[0], lower[d]) and np.isclose(axis.breakpoints[-1], upper[d])
-            for d, axis in enumerate(self.axes)
-        )
+        ends = np.array([axis.breakpoints[[0, -1]] for axis in self.axes]).T
+        on_edges = (np.abs(ends - [lower, upper]) < SAME_LINE * np.diff(self.axes[0].breakpoints).min()).all()
         if self.order > 1 and not on_edges:
             raise GridError(
                 f"{self._source}: {key}: nodes of B-splines of order {self.order} lie on the body's edges only where the"

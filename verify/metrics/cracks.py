@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cases.solvers import IMPORTED
+from cases.spacing import SAME_LINE
 from physics.surface_energy import SurfaceEnergy
 from verify.metrics import crack_path as paths
 from verify.metrics.curves import Array
@@ -16,6 +17,8 @@ from verify.metrics.energy_release import energy_release_rate as release_rate
 from verify.metrics.metric import LINE, MetricError, NotGivenError, metric, run_name
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from cases import Case
     from verify.metrics.metric import RunData
 
@@ -133,13 +136,17 @@ def _last_part(reference: Array, phase_field: Array, case: Case, length: float) 
     path = paths.trace_case_crack(reference, phase_field, case).points
     if len(case.all_notches) == 1:
         notch = np.array([case.all_notches[0].start, case.all_notches[0].end], dtype=float)
-        goes_on = len(path) > 0 and np.allclose(path[0], notch[1])
+        goes_on = len(path) > 0 and _same_place(path[0], notch[1], case)
         path = np.vstack([notch[:1], path]) if goes_on else path if len(path) else notch
     if not len(path):
         raise MetricError("metric energy_release_rate: no crack and not one notch; give the parameters tip and direction")
     tip = paths.tip_position(path)
     even = paths.resample(path, 0.5 * case.mesh.h)
     return even[int((np.linalg.norm(even - tip, axis=1) <= length).argmax())], tip
+
+
+def _same_place(one: ArrayLike, other: ArrayLike, case: Case) -> bool:
+    return bool(np.abs(np.subtract(one, other)).max() < SAME_LINE * case.mesh.h)
 
 
 def _surface_energy(run: RunData, material: str) -> SurfaceEnergy:
@@ -201,7 +208,7 @@ def _crack_from(run: RunData, start: Sequence[float]) -> Array:
     data = run.points().point_data
     reference = np.asarray(data["reference"])[:, :2]
     path = paths.trace_crack(reference, np.asarray(data["phase_field"]), run.case.mesh.h, start=start).points
-    if len(path) < 2 or not np.allclose(path[0], start):
+    if len(path) < 2 or not _same_place(path[0], start, run.case):
         raise MetricError(f"{run_name(run)}: has no crack that begins at {list(start)}; load it further")
     return path
 
