@@ -168,8 +168,8 @@ class Grid:
         return Faces(nodes, np.ones((len(nodes), 1)), np.eye(2)[slit.normal])
 
     def _inclined_faces(self, slit: InclinedSlit) -> Faces:
-        """In the middle of each cell's stretch of a slit at an angle."""
-        places = slit.middles(self.axes[0].breakpoints, self.axes[1].breakpoints)
+        """At places on each cell's stretch of a slit at an angle."""
+        places = slit.places_on_faces(self.axes[0].breakpoints, self.axes[1].breakpoints)
         cells, (dx, dy) = self.locate(places, self.sides(places)), slit.notch.direction
         nodes = [self.cell_nodes(cells._replace(copy=np.full(len(places), copy))) for copy in (1, 0)]
         weights = np.where(nodes[0] != nodes[1], self.evaluate(places, cells)[0], 0.0)

@@ -171,17 +171,18 @@ def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
 def _least_opening(slit: Segment, fields: Fields, h: float) -> float:
     """Least distance of the faces of a slit [length], averaged over stretches of two cells; 0 where none is seen.
 
-    Displacements next to the slit are carried on to it by their gradients.
+    Displacements next to the slit are carried on to the middle of their stretch by their gradients.
     """
     along, aside = slit.coordinates(fields.reference)
     near = (along > 0.0) & (along < slit.length) & (np.abs(aside) < h)
     if not near.any():
         return 0.0
+    number = max(1, int(slit.length / (2.0 * h)))
+    stretch = np.minimum((along[near] / slit.length * number).astype(int), number - 1)
     x, y = slit.direction
-    normal = np.array([-y, x])
-    slope = np.einsum("i,nij,j->n", normal, fields.gradient[near].reshape(-1, 2, 2), normal)
-    face = fields.displacement[near] @ normal - aside[near] * slope
-    stretch = np.minimum((along[near] / (2.0 * h)).astype(int), max(0, int(slit.length / (2.0 * h)) - 1))
+    middle = np.asarray(slit.start) + ((stretch + 0.5) * slit.length / number)[:, None] * slit.direction
+    away = np.einsum("nij,nj->ni", fields.gradient[near].reshape(-1, 2, 2), fields.reference[near] - middle)
+    face = (fields.displacement[near] - away) @ np.array([-y, x])
     upper, lower = (_means(stretch[side], face[side]) for side in (aside[near] > 0, aside[near] < 0))
     return min((upper[key] - lower[key] for key in upper.keys() & lower.keys()), default=0.0)
 
