@@ -120,7 +120,8 @@ class InclinedSlit:
 def inclined_slits(case: Case) -> list[InclinedSlit]:
     """The case's slits at an angle to the grid's lines.
 
-    Raises GridError where one meets another slit, or where a grid that follows the crack would have to take it over.
+    Raises GridError where one meets another slit, where points are too few, or where a grid that follows the crack would
+    have to take it over.
     """
     slits = [notch for notch in case.all_notches if isinstance(notch, SlitNotch)]
     inclined = [notch for notch in slits if not is_level(case, notch)]
@@ -128,6 +129,12 @@ def inclined_slits(case: Case) -> list[InclinedSlit]:
         raise GridError(
             f"{case.source}: mesh.follow_crack: {_words(inclined[0])} is inclined, and a grid that follows the crack keeps"
             " slits along its lines only; leave follow_crack out and let mesh.fine hold the whole crack"
+        )
+    if inclined and case.mpm.points_per_cell < case.mpm.order:
+        raise GridError(
+            f"{case.source}: mpm.points_per_cell = {case.mpm.points_per_cell}: {_words(inclined[0])} is inclined and leaves"
+            f" parts of cells too few points for splines of order {case.mpm.order}; set mpm.points_per_cell ="
+            f" {case.mpm.order}, or mpm.order = {case.mpm.points_per_cell}"
         )
     for one, other in combinations(slits, 2):
         lines = [shapely.LineString([notch.start, notch.end]) for notch in (one, other)]

@@ -45,7 +45,7 @@ class ClosingFaces:
         for nodes, weights, normal in slits:
             of_nodes = np.stack([weights, -weights], axis=1)[..., None] * normal
             for parts, part in ((unknowns, 2 * nodes[..., None] + np.arange(2)), (rates, of_nodes)):
-                flat = part.reshape(len(part), -1)
+                flat = part.reshape(len(part), 4 * weights.shape[1])
                 # what a spring sees less than others weighs nothing
                 parts.append(np.pad(flat, ((0, 0), (0, width - flat.shape[1]))))
         return cls(np.concatenate(unknowns), np.concatenate(rates), PENALTY * modulus * case.plane.thickness)

@@ -51,16 +51,19 @@ def integrate_cells(
         mean = moments[cell, 1 + 2 * d] / covered
         variance = moments[cell, 2 + 2 * d] / covered - mean**2
         local = _fit(cell, (positions[:, d] - start) / width, rectangles.area / held, mean, variance)
-        places[:, d] = start + width * np.clip(local, 0.0, 1.0)
+        places[:, d] = start + width * local
     return covered / held, places
 
 
 def _fit(cell: NDArray, local: NDArray, share: NDArray, mean: NDArray, variance: NDArray) -> NDArray:
-    """Places (n_points,) in their cells, moved and spread so that each cell has a mean and a variance."""
+    """Places (n_points,) in their cells, moved and spread so that each cell has a mean and, if they stay in it, a variance."""
     away = local - np.bincount(cell, weights=share * local)[cell]
     spread = np.bincount(cell, weights=share * away**2)[cell]
     apart = spread > CLOSEST * variance
-    return mean + np.sqrt(np.divide(variance, spread, out=np.zeros_like(spread), where=apart)) * away
+    factor = np.sqrt(np.divide(variance, spread, out=np.zeros_like(spread), where=apart))
+    room = np.full(cell.max() + 1, np.inf)
+    np.minimum.at(room, cell, np.divide(np.where(away > 0.0, 1.0 - mean, mean), np.abs(away), where=away != 0.0, out=np.full_like(away, np.inf)))
+    return np.clip(mean + np.minimum(factor, np.maximum(room[cell], 0.0)) * away, 0.0, 1.0)
 
 
 def _closed_sides(grid: Grid, own: tuple[NDArray, NDArray], sides: list[NDArray]) -> NDArray:
