@@ -65,18 +65,33 @@ def place_points(case: Case) -> PointCloud:
 
 
 def _halved(cloud: PointCloud, slit: InclinedSlit) -> PointCloud:
-    """The cloud with two points for each one whose rectangle a slit parts: in the middle of what lies on each side.
+    """The cloud with points on both sides of a slit, each in the middle of a part of a rectangle that the slit parts.
 
-    A rectangle of the same shape and of the part's area about it stands for each part.
+    Four quarters of these are parted, and a rectangle of the same shape and of the part's area stands for each part.
     """
     lower = cloud.positions + cloud.corner
-    number, area, middle = slit.halves(lower, lower + cloud.size)
-    clouds = [cloud.only(~np.isin(np.arange(len(cloud.volume)), number))]
+    cut = np.isin(np.arange(len(cloud.volume)), slit.halves(lower, lower + cloud.size).number)
+    quarters = _quartered(cloud.only(cut))
+    lower = quarters.positions + quarters.corner
+    number, area, middle = slit.halves(lower, lower + quarters.size)
+    whole = ~np.isin(np.arange(len(quarters.volume)), number)
+    clouds = [cloud.only(~cut), quarters.only(whole)]
     for side in (0, 1):
-        share = area[:, side] / cloud.size[number].prod(axis=1)
-        size = np.sqrt(share)[:, None] * cloud.size[number]
-        volume = share * cloud.volume[number]
-        clouds.append(PointCloud(middle[:, side], volume, size, -0.5 * size, cloud.body[number]))
+        share = area[:, side] / quarters.size[number].prod(axis=1)
+        size = np.sqrt(share)[:, None] * quarters.size[number]
+        volume = share * quarters.volume[number]
+        clouds.append(PointCloud(middle[:, side], volume, size, -0.5 * size, quarters.body[number]))
+    return _joined(clouds)
+
+
+def _quartered(cloud: PointCloud) -> PointCloud:
+    """A point in the middle of each quarter of the rectangles."""
+    middle, size = cloud.positions + cloud.corner + 0.5 * cloud.size, 0.5 * cloud.size
+    steps = 0.5 * np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
+    return _joined([PointCloud(middle + step * size, 0.25 * cloud.volume, size, -0.5 * size, cloud.body) for step in steps])
+
+
+def _joined(clouds: list[PointCloud]) -> PointCloud:
     return PointCloud(*(np.concatenate([getattr(part, each.name) for part in clouds]) for each in fields(PointCloud)))
 
 
