@@ -246,8 +246,8 @@ _TIP_BOXES = (1.0, 2.0)
 _FILLED = 0.9
 #: by what share of h a slit of linear elements ends too early, and one of splines of their order
 _TIP_SHIFT = {1: 0.28, 2: 0.095, 3: 0.056}
-#: and one of triangles
-_TRIANGLES_TIP_SHIFT = 0.40
+#: and one of triangles at an angle to the grid's lines, whose tips slide too
+_INCLINED_TIP_SHIFT = 0.46
 
 
 def _coarse_tips(case: Case, fields: Fields) -> dict[str, float]:
@@ -263,12 +263,14 @@ def _coarse_tips(case: Case, fields: Fields) -> dict[str, float]:
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     if not by_points and any(body.mesh for body in case.bodies.values()):  # their elements are not those of the grid
         return {}
-    ends = [(tip, sign * slit.direction) for slit in slits for tip, sign in ((slit.start, -1.0), (slit.end, 1.0))]
-    sizes = cell_sizes(case, np.array([tip for tip, _ in ends])).max(axis=1)
-    released = sum(h * _released(fields, case.plane.thickness, *end, h) for end, h in zip(ends, sizes, strict=True))
-    triangles = not by_points and fields.grid_cells.shape[1] == 3
-    shift = _TRIANGLES_TIP_SHIFT if triangles else _TIP_SHIFT[case.mpm.order if by_points else 1]
-    return {"coarse_tips": shift * released / total}
+    released = 0.0
+    for slit in slits:
+        inclined = not by_points and slit.level_axis is None
+        shift = _INCLINED_TIP_SHIFT if inclined else _TIP_SHIFT[case.mpm.order if by_points else 1]
+        sizes = cell_sizes(case, np.array([slit.start, slit.end])).max(axis=1)
+        for tip, sign, h in zip((slit.start, slit.end), (-1.0, 1.0), sizes, strict=True):
+            released += shift * h * _released(fields, case.plane.thickness, tip, sign * slit.direction, h)
+    return {"coarse_tips": released / total}
 
 
 def _released(fields: Fields, thickness: float, tip: tuple[float, float], direction: NDArray, h: float) -> float:
