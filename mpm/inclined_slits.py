@@ -24,7 +24,7 @@ FACE_POINTS = 3
 
 
 class Halves(NamedTuple):
-    """Rectangles that a slit parts: number (m,) of each, area (m, 2) and middle (m, 2, 2) of what lies below and above."""
+    """Rectangles that a slit parts: number (m,), area (m, 2) and middle (m, 2, 2) of what lies below and above."""
 
     number: NDArray
     area: NDArray
@@ -127,21 +127,21 @@ def inclined_slits(case: Case) -> list[InclinedSlit]:
     inclined = [notch for notch in slits if not is_level(case, notch)]
     if inclined and case.mesh.follow_crack:
         raise GridError(
-            f"{case.source}: mesh.follow_crack: {_words(inclined[0])} is inclined, and a grid that follows the crack keeps"
-            " slits along its lines only; leave follow_crack out and let mesh.fine hold the whole crack"
+            f"{case.source}: mesh.follow_crack: {_words(inclined[0])} is inclined, and a grid that follows the crack"
+            " keeps slits along its lines only; leave follow_crack out and let mesh.fine hold the whole crack"
         )
     if inclined and case.mpm.points_per_cell < case.mpm.order:
         raise GridError(
-            f"{case.source}: mpm.points_per_cell = {case.mpm.points_per_cell}: {_words(inclined[0])} is inclined and leaves"
-            f" parts of cells too few points for splines of order {case.mpm.order}; set mpm.points_per_cell ="
+            f"{case.source}: mpm.points_per_cell = {case.mpm.points_per_cell}: {_words(inclined[0])} is inclined and"
+            f" leaves parts of cells too few points for splines of order {case.mpm.order}; set mpm.points_per_cell ="
             f" {case.mpm.order}, or mpm.order = {case.mpm.points_per_cell}"
         )
     for one, other in combinations(slits, 2):
         lines = [shapely.LineString([notch.start, notch.end]) for notch in (one, other)]
         if (one in inclined or other in inclined) and shapely.distance(*lines) <= SAME_LINE * case.mesh.h:
             raise GridError(
-                f"{case.source}: notches: {_words(one)} meets {_words(other)}, and a slit at an angle to the grid can meet"
-                f' no other; give one of them kind = "cells" with a width of {(case.mpm.order + 2) * case.mesh.h:g}'
+                f"{case.source}: notches: {_words(one)} meets {_words(other)}, and a slit at an angle to the grid can"
+                f' meet no other; give one of them kind = "cells" with a width of {(case.mpm.order + 2) * case.mesh.h:g}'
             )
     return [InclinedSlit(case, notch) for notch in inclined]
 

@@ -88,7 +88,8 @@ def _quartered(cloud: PointCloud) -> PointCloud:
     """A point in the middle of each quarter of the rectangles."""
     middle, size = cloud.positions + cloud.corner + 0.5 * cloud.size, 0.5 * cloud.size
     steps = 0.5 * np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
-    return _joined([PointCloud(middle + step * size, 0.25 * cloud.volume, size, -0.5 * size, cloud.body) for step in steps])
+    places = [middle + step * size for step in steps]
+    return _joined([PointCloud(place, 0.25 * cloud.volume, size, -0.5 * size, cloud.body) for place in places])
 
 
 def _joined(clouds: list[PointCloud]) -> PointCloud:

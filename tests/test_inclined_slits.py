@@ -104,7 +104,9 @@ def test_a_slit_along_the_pull_leaves_a_uniform_stress(slit):
     tables = plate(slit) | {
         "boundaries": {"origin": {"point": [0, 0]}, "corner": {"point": [1, 0]}},
         "tractions": [{"on": e, "value": (stress @ n).tolist(), "ramp": "load"} for e, n in normals.items()],
-        "constraints": [{"on": on, "direction": d, "value": 0} for on, d in (("origin", "x"), ("origin", "y"), ("corner", "y"))],
+        "constraints": [
+            {"on": on, "direction": d, "value": 0} for on, d in (("origin", "x"), ("origin", "y"), ("corner", "y"))
+        ],
         "load": {"path": [0.0, 1e-3], "increment": 1e-3}, "mesh": {"h": 0.1},
     }  # fmt: skip
     expected = 1e-3 * np.array([stress[0, 0], stress[1, 1], stress[0, 1]])
@@ -175,7 +177,8 @@ REFUSED: dict[str, tuple[Tables, str, Tables]] = {
         {"mpm": {"order": 3, "points_per_cell": 3}},
     ),
     "following": (
-        plate(ends(30), mesh={"h": 0.05, "fine": BOX, "follow_crack": True}), r"mesh\.follow_crack: .*; leave follow_crack out",
+        plate(ends(30), mesh={"h": 0.05, "fine": BOX, "follow_crack": True}),
+        r"mesh\.follow_crack: .*; leave follow_crack out",
         {"mesh": {"h": 0.05, "fine": BOX}},
     ),
 }  # fmt: skip

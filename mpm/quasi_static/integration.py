@@ -56,14 +56,18 @@ def integrate_cells(
 
 
 def _fit(cell: NDArray, local: NDArray, share: NDArray, mean: NDArray, variance: NDArray) -> NDArray:
-    """Places (n_points,) in their cells, moved and spread so that each cell has a mean and, if they stay in it, a variance."""
+    """Places (n_points,) in their cells, moved so that each cell has a mean, and spread as far as they stay in it to
+    have a variance.
+    """
     away = local - np.bincount(cell, weights=share * local)[cell]
     spread = np.bincount(cell, weights=share * away**2)[cell]
     apart = spread > CLOSEST * variance
     factor = np.sqrt(np.divide(variance, spread, out=np.zeros_like(spread), where=apart))
-    room = np.full(cell.max() + 1, np.inf)
-    np.minimum.at(room, cell, np.divide(np.where(away > 0.0, 1.0 - mean, mean), np.abs(away), where=away != 0.0, out=np.full_like(away, np.inf)))
-    return np.clip(mean + np.minimum(factor, np.maximum(room[cell], 0.0)) * away, 0.0, 1.0)
+    to_edge = np.where(away > 0.0, 1.0 - mean, mean)
+    room = np.divide(to_edge, np.abs(away), out=np.full_like(away, np.inf), where=away != 0.0)
+    least = np.full(cell.max() + 1, np.inf)
+    np.minimum.at(least, cell, room)
+    return np.clip(mean + np.minimum(factor, np.maximum(least[cell], 0.0)) * away, 0.0, 1.0)
 
 
 def _closed_sides(grid: Grid, own: tuple[NDArray, NDArray], sides: list[NDArray]) -> NDArray:

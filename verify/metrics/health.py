@@ -246,8 +246,8 @@ _TIP_BOXES = (1.0, 2.0)
 _FILLED = 0.9
 #: by what share of h a slit of linear elements ends too early, and one of splines of their order
 _TIP_SHIFT = {1: 0.28, 2: 0.095, 3: 0.056}
-#: and one of triangles at an angle to the grid's lines, whose tips slide too
-_INCLINED_TIP_SHIFT = 0.46
+#: and at most one in triangles at an angle to the grid's lines: 0.25 where it opens, more where it slides or is short
+_INCLINED_TIP_SHIFT = 0.7
 
 
 def _coarse_tips(case: Case, fields: Fields) -> dict[str, float]:
