@@ -60,7 +60,7 @@ class Segment(Table):
 
 
 class SlitNotch(Segment):
-    """Two faces without a gap: nodes are doubled along the segment.
+    """Two faces without a gap: nodes, or the functions of a grid that the segment parts, are doubled, one for each side.
 
     contact : where the faces close they press on each other, without friction; else they go through each other, and so do
         those of the material points where mesh.follow_crack makes new grids

@@ -63,7 +63,7 @@ def _set_up(case: Case) -> _Counts:
     """The grid, and its cells that a point in their middle lies in, with the rings of cells that are kept around them."""
     middles = case.model_copy(update={"mpm": case.mpm.model_copy(update={"points_per_cell": 1, "placement": "regular"})})
     grid, cloud = Grid(case), place_points(middles)
-    places = grid.locate(cloud.positions, [slit.sides(cloud.positions) for slit in grid.slits])
+    places = grid.locate(cloud.positions, grid.sides(cloud.positions))
     active = ActiveGrid(grid, places, description.breakable(case)[cloud.body])
     used, breaks = np.zeros(grid.n_nodes, bool), np.zeros(grid.n_nodes, bool)
     used[active.cells.nodes], breaks[active.cells.nodes[active.near_breaking]] = True, True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
@@ -9,13 +11,30 @@ from scipy.ndimage import binary_dilation
 
 from cases import Case
 from cases.spacing import SAME_LINE, grid_lines
+from mpm.inclined_slits import InclinedSlit, check_apart, inclined_slits
 from mpm.slits import GridError, GridSlit, SlitLine, slit_lines
 from mpm.splines import Axis
+from numerics.closing import Faces
 from numerics.staggered import NewtonError
 
 
 class LostPointsError(NewtonError):
     """Material points have left the grid: no increment finds equilibrium there."""
+
+
+class GridCells(NamedTuple):
+    """Cells (n,) of the grid in x and y, and which copy of each: 1 is what lies above an inclined slit that cuts it."""
+
+    x: NDArray
+    y: NDArray
+    copy: NDArray
+
+
+class Sides(NamedTuple):
+    """Where points lie by their first places: `GridSlit.sides` of each slit, above (n_inclined, n_points) or not."""
+
+    of_lines: list[NDArray]
+    above: NDArray
 
 
 class Grid:
@@ -25,6 +44,8 @@ class Grid:
     ----------
     axes : the two directions.
     node_number : (nx, ny) number of each function; functions joined across a slit's line share one.
+    number_above : (nx, ny) the same, above the inclined slits that part functions.
+    cut_by : (n_cells_x, n_cells_y) number of the inclined slit by which each cell has two copies, -1 for none.
     nodes : (n_nodes, 2) Greville points.
     """
 
@@ -34,12 +55,15 @@ class Grid:
         self._box, self._source = (lower, upper), case.source
         self._slit_lines = slit_lines(case)
         self.slits = [slit for line in self._slit_lines for slit in line.slits]
+        self.inclined = inclined_slits(case)
         lines = [_widened(np.asarray(axis), case.mpm.margin) for axis in grid_lines(case)]
         self.axes = [Axis(lines[d], self.order, self._multiplicity(d, lines[d])) for d in (0, 1)]
         self.node_number, self.n_nodes = self._join_functions()
-        abscissae = [axis.greville() for axis in self.axes]
+        self.number_above, self.cut_by = self._double_functions(case)
+        abscissae = np.stack(np.meshgrid(*(axis.greville() for axis in self.axes), indexing="ij"), -1).reshape(-1, 2)
         self.nodes = np.empty((self.n_nodes, 2))
-        self.nodes[self.node_number.ravel()] = np.stack(np.meshgrid(*abscissae, indexing="ij"), -1).reshape(-1, 2)
+        for number in (self.node_number, self.number_above):
+            self.nodes[number.ravel()] = abscissae
 
     def check_edges_interpolate(self, key: str, remedy: str) -> None:
         """Prescribed grid nodes need functions that interpolate on the body's edges; GridError names key and remedy."""
@@ -64,10 +88,15 @@ class Grid:
             if slit_line.normal == direction:
                 repeats[_line_index(lines, slit_line.position)] = self.order + 1
                 continue
-            for tip in slit_line.tips:
-                index = _line_index(lines, tip)
-                repeats[index] = max(self.order, repeats.get(index, 0))
+            self._repeat_at_tips(repeats, lines, slit_line.tips[:, direction])
+        for slit in self.inclined:
+            self._repeat_at_tips(repeats, lines, slit.tips[:, direction])
         return repeats
+
+    def _repeat_at_tips(self, repeats: dict[int, int], lines: NDArray, tips: NDArray) -> None:
+        for tip in tips:
+            index = _line_index(lines, tip)
+            repeats[index] = max(self.order, repeats.get(index, 0))
 
     def _join_functions(self) -> tuple[NDArray, int]:
         """Number the functions; those on both sides of a slit's line are one except along the slit."""
@@ -85,6 +114,31 @@ class Grid:
         ranks[np.argsort(first)] = np.arange(count)
         return ranks[labels].reshape(shape), count
 
+    def _double_functions(self, case: Case) -> tuple[NDArray, NDArray]:
+        """``number_above``, the copies behind all other numbers, and ``cut_by``.
+
+        Raises GridError where slits are too near to each other.
+        """
+        supports = self._supports()
+        parted = np.array([slit.parted(*supports) for slit in self.inclined], bool).reshape(-1, self.n_nodes)
+        cells = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"))
+        cut = parted[:, _of_cells(self.node_number, self.axes, *cells)].any(axis=-1)
+        check_apart(case, cut)
+        cut_by = np.where(cut.any(axis=0), cut.argmax(axis=0), -1) if len(cut) else np.full(self.shape, -1)
+        above, doubled = np.arange(self.n_nodes), parted.any(axis=0)
+        above[doubled] = self.n_nodes + np.arange(doubled.sum())
+        self.n_nodes += int(doubled.sum())
+        return above[self.node_number], cut_by
+
+    def _supports(self) -> tuple[NDArray, NDArray]:
+        """Lower and upper corners (n_nodes, 2) of what the functions of each node reach over."""
+        ends = zip(*(axis.support() for axis in self.axes), strict=True)
+        left, right = (np.stack(np.meshgrid(*end, indexing="ij"), -1).reshape(-1, 2) for end in ends)
+        lower, upper = np.full((self.n_nodes, 2), np.inf), np.full((self.n_nodes, 2), -np.inf)
+        np.minimum.at(lower, self.node_number.ravel(), left)
+        np.maximum.at(upper, self.node_number.ravel(), right)
+        return lower, upper
+
     def _pairs_to_join(self, slit_line: SlitLine, numbers: NDArray) -> NDArray:
         """Pairs (2, n) of functions below and above a line that no slit on it parts."""
         below, above = self._along_line(slit_line, numbers)
@@ -98,65 +152,82 @@ class Grid:
         by_line = np.moveaxis(numbers, slit.normal, 0)
         return by_line[above - 1], by_line[above]
 
-    def face_pairs(self, slit: GridSlit) -> NDArray:
-        """Pairs (n, 2) of nodes on the two faces of a slit, the one above first."""
+    def faces(self) -> list[Faces]:
+        """The faces of the slits in contact."""
+        on_lines = [self._faces_on_line(slit) for slit in self.slits if slit.contact]
+        return on_lines + [self._inclined_faces(slit) for slit in self.inclined if slit.notch.contact]
+
+    def _faces_on_line(self, slit: GridSlit) -> Faces:
+        """At the nodes of the two faces of a slit on a line."""
         below, above = self._along_line(slit, self.node_number)
         left, right = self.axes[1 - slit.normal].support()
         on_slit = (np.minimum(right, slit.end) > np.maximum(left, slit.start)) & (above != below)
-        return np.column_stack([above[on_slit], below[on_slit]])
+        nodes = np.stack([above[on_slit], below[on_slit]], axis=1)[:, :, None]
+        return Faces(nodes, np.ones((len(nodes), 1)), np.eye(2)[slit.normal])
+
+    def _inclined_faces(self, slit: InclinedSlit) -> Faces:
+        """At places on each cell's stretch of a slit at an angle."""
+        places = slit.places_on_faces(self.axes[0].breakpoints, self.axes[1].breakpoints)
+        cells, (dx, dy) = self.locate(places, self.sides(places)), slit.notch.direction
+        nodes = [self.cell_nodes(cells._replace(copy=np.full(len(places), copy))) for copy in (1, 0)]
+        weights = np.where(nodes[0] != nodes[1], self.evaluate(places, cells)[0], 0.0)
+        return Faces(np.stack(nodes, axis=1), weights, np.array([-dy, dx]))
 
     def points_at_tips(self, positions: NDArray) -> NDArray:
         """Indices of the points (n, 2) in the four cells around the tips of the slits."""
         chosen = np.zeros(len(positions), bool)
-        for slit_line in self._slit_lines:
-            for end in slit_line.tips:
-                tip = np.full(2, end)
-                tip[slit_line.normal] = slit_line.position
-                near = [
-                    np.abs(axis.locate(positions[:, d]) - _line_index(axis.breakpoints, tip[d]) + 0.5) < 1.0
-                    for d, axis in enumerate(self.axes)
-                ]
-                chosen |= near[0] & near[1]
+        for tip in [tip for slit in (*self._slit_lines, *self.inclined) for tip in slit.tips]:
+            near = [
+                np.abs(axis.locate(positions[:, d]) - _line_index(axis.breakpoints, tip[d]) + 0.5) < 1.0
+                for d, axis in enumerate(self.axes)
+            ]
+            chosen |= near[0] & near[1]
         return np.flatnonzero(chosen)
 
-    def locate(self, positions: NDArray, sides: list[NDArray]) -> tuple[NDArray, NDArray]:
-        """Cells (n,) in x and in y of points; those beside a slit stay on their side of it."""
+    def sides(self, reference: NDArray) -> Sides:
+        """Where points lie by their first places (n, 2)."""
+        above = np.array([slit.above(reference) for slit in self.inclined], bool).reshape(-1, len(reference))
+        return Sides([slit.sides(reference) for slit in self.slits], above)
+
+    def locate(self, positions: NDArray, sides: Sides) -> GridCells:
+        """Cells of points (n, 2); those beside a slit stay on their side of it."""
         cells = [axis.locate(positions[:, d]) for d, axis in enumerate(self.axes)]
         for d, axis in enumerate(self.axes):
             if ((cells[d] < 0) | (cells[d] >= axis.n_cells)).any():
                 raise LostPointsError("material points have left the grid; enlarge mpm.margin")
-        for slit, side in zip(self.slits, sides, strict=True):
+        for slit, side in zip(self.slits, sides.of_lines, strict=True):
             line = self.line_of(slit)
             across = cells[slit.normal]
             np.minimum(across, line - 1, out=across, where=side < 0)
             np.maximum(across, line, out=across, where=side > 0)
-        return cells[0], cells[1]
+        copy, cut_by = np.zeros(len(positions), int), self.cut_by[cells[0], cells[1]]
+        cut = np.flatnonzero(cut_by >= 0)
+        copy[cut] = sides.above[cut_by[cut], cut]
+        return GridCells(cells[0], cells[1], copy)
 
     def line_of(self, slit: GridSlit) -> int:
         """Number of the grid line that a slit lies on."""
         return _line_index(self.axes[slit.normal].breakpoints, slit.position)
 
-    def cell_nodes(self, cells_x: NDArray, cells_y: NDArray) -> NDArray:
+    def cell_nodes(self, cells: GridCells) -> NDArray:
         """Nodes (n, (order + 1)^2) whose functions live on the cells."""
-        offsets = np.arange(self.order + 1)
-        rows = (self.axes[0].spans[cells_x] - self.order)[:, None] + offsets
-        columns = (self.axes[1].spans[cells_y] - self.order)[:, None] + offsets
-        return self.node_number[rows[:, :, None], columns[:, None, :]].reshape(len(cells_x), -1).astype(np.int32)
+        numbers = self.node_number, self.number_above
+        below, above = (_of_cells(number, self.axes, cells.x, cells.y) for number in numbers)
+        return np.where(cells.copy[:, None] == 1, above, below).astype(np.int32)
 
-    def evaluate(self, positions: NDArray, cells_x: NDArray, cells_y: NDArray) -> tuple[NDArray, NDArray]:
+    def evaluate(self, positions: NDArray, cells: GridCells) -> tuple[NDArray, NDArray]:
         """Values (n, k) and gradients (n, k, 2) at points of the functions on their cells, Eqs. 3.69-3.70."""
         (x, dx), (y, dy) = (
-            axis.evaluate(np.ascontiguousarray(positions[:, d]), cells)
-            for d, (axis, cells) in enumerate(zip(self.axes, (cells_x, cells_y), strict=True))
+            axis.evaluate(np.ascontiguousarray(positions[:, d]), cells[d]) for d, axis in enumerate(self.axes)
         )
         count = (self.order + 1) ** 2
         values = (x[:, :, None] * y[:, None, :]).reshape(len(positions), count)
         gradients = np.stack([dx[:, :, None] * y[:, None, :], x[:, :, None] * dy[:, None, :]], axis=-1)
         return values, gradients.reshape(len(positions), count, 2)
 
-    def second_derivatives(self, positions: NDArray, cells_x: NDArray, cells_y: NDArray) -> NDArray:
+    def second_derivatives(self, positions: NDArray, cells: GridCells) -> NDArray:
         """Second derivatives xx, yy, xy (n, k, 3) at points of the functions on their cells."""
-        places, cells = [np.ascontiguousarray(positions[:, d]) for d in (0, 1)], (cells_x, cells_y)
+        places = [np.ascontiguousarray(positions[:, d]) for d in (0, 1)]
         (x, dx), (y, dy) = (axis.evaluate(places[d], cells[d]) for d, axis in enumerate(self.axes))
         ddx, ddy = (axis.second_derivatives(places[d], cells[d]) for d, axis in enumerate(self.axes))
         products = [a[:, :, None] * b[:, None, :] for a, b in ((ddx, y), (x, ddy), (dx, dy))]
@@ -166,6 +237,13 @@ class Grid:
         """The nodes (n,) and their neighbours in the grid."""
         chosen = binary_dilation(np.isin(self.node_number, nodes), np.ones((3, 3), bool))
         return np.unique(self.node_number[chosen])
+
+
+def _of_cells(number: NDArray, axes: list[Axis], x: NDArray, y: NDArray) -> NDArray:
+    """Numbers (..., (order + 1)^2) of the functions that live on cells (...) in x and y."""
+    offsets = np.arange(axes[0].order + 1)
+    rows, columns = ((axis.spans[c] - axis.order)[..., None] + offsets for axis, c in zip(axes, (x, y), strict=True))
+    return number[rows[..., :, None], columns[..., None, :]].reshape(*x.shape, -1)
 
 
 def _line_index(lines: NDArray, position: float) -> int:

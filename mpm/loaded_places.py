@@ -18,6 +18,8 @@ from numerics.surface import Edges, check_loaded_length, drawn_edges
 GAUSS_POINTS = 3
 #: a place is loaded where a material point lies no further than this from it, in multiples of its extent
 NEAR = 2.0
+#: so many points are asked; slits at an angle leave small parts of points beside large ones
+CANDIDATES = 8
 
 
 class LoadedPlaces(NamedTuple):
@@ -37,10 +39,14 @@ def loaded_places(case: Case, number: int, cloud: PointCloud, divided: Callable[
     traction, drawn = case.tractions[number], drawn_edges(case)
     edges = divided(drawn.cut(drawn.on(case, case.boundaries[traction.on])))
     places, length, normal = _gauss_points(edges)
-    # asked from a little inside, so that the nearest one is of the body, and on the right side of a slit
-    found = KDTree(cloud.positions).query(places - 0.25 * cloud.size.max() * normal)
-    distance, points = (np.asarray(part) for part in found)
-    near = distance <= NEAR * cloud.size[points].max(axis=1)
+    # asked from a little inside, so that the nearest one is of the body
+    found = KDTree(cloud.positions).query(places - 0.25 * cloud.size.max() * normal, k=min(CANDIDATES, len(cloud.volume)))
+    distance, candidates = (np.asarray(part).reshape(len(places), -1) for part in found)
+    # points across a slit may be nearer than those whose face is loaded
+    away = np.einsum("nci,ni->nc", cloud.positions[candidates] - places[:, None], normal)
+    chosen = np.arange(len(places)), np.argmax(away < 0.0, axis=1)
+    points = candidates[chosen]
+    near = distance[chosen] <= NEAR * cloud.size[candidates].max(axis=(1, 2))
     check_loaded_length(case, number, float(length[near].sum()))
     force = case.plane.thickness * length[:, None] * traction.on_edges(normal)
     offset = places - cloud.positions[points]
@@ -55,6 +61,8 @@ def by_cells(grid: Grid, edges: Edges) -> Edges:
             crossings = [(axis.breakpoints - start[d]) / (end[d] - start[d]) for d, axis in enumerate(grid.axes)]
         inside = np.concatenate(crossings)
         inside = np.unique(np.concatenate([[0.0, 1.0], inside[(inside > 1e-9) & (inside < 1.0 - 1e-9)]]))
+        # lines in x and in y may cross it at one place
+        inside = inside[np.diff(inside, prepend=-1.0) > 1e-9]
         corners = start + inside[:, None] * (end - start)
         pieces.append(np.stack([corners[:-1], corners[1:]], axis=1))
     return Edges.around(np.concatenate([np.zeros((0, 2, 2)), *pieces]))

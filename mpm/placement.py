@@ -11,6 +11,7 @@ from cases import Case
 from cases.bodies import Body
 from cases.geometry import Shape
 from cases.spacing import grid_lines
+from mpm.inclined_slits import InclinedSlit, inclined_slits
 from mpm.mesh_points import mesh_points
 from numerics.description import outlines
 
@@ -43,7 +44,7 @@ def place_points(case: Case) -> PointCloud:
     """Points of a case: at Gauss points, regularly or at random (seeded) in each cell, kept where a body is.
 
     Or those of `mpm.mesh_points`. Each point stands for a rectangle; on Gauss points its sides are the weights, otherwise
-    equal shares of the cell.
+    equal shares of the cell. A rectangle that an inclined slit parts becomes two points.
     """
     if case.mpm.placement == "mesh":
         cloud = PointCloud(*mesh_points(case))
@@ -57,8 +58,42 @@ def place_points(case: Case) -> PointCloud:
     corner = (widths * (lower - local)).reshape(-1, 2)
     volume = size.prod(axis=1) * case.plane.thickness
     body = case.inside(positions)
-    cloud = PointCloud(positions, volume, size, corner, body)
-    return cloud.only((body >= 0) & ~case.left_out(positions))
+    cloud = PointCloud(positions, volume, size, corner, body).only((body >= 0) & ~case.left_out(positions))
+    for slit in inclined_slits(case):
+        cloud = _halved(cloud, slit)
+    return cloud
+
+
+def _halved(cloud: PointCloud, slit: InclinedSlit) -> PointCloud:
+    """The cloud with points on both sides of a slit, each in the middle of a part of a rectangle that the slit parts.
+
+    Four quarters of these are parted, and a rectangle of the same shape and of the part's area stands for each part.
+    """
+    lower = cloud.positions + cloud.corner
+    cut = np.isin(np.arange(len(cloud.volume)), slit.halves(lower, lower + cloud.size).number)
+    quarters = _quartered(cloud.only(cut))
+    lower = quarters.positions + quarters.corner
+    number, area, middle = slit.halves(lower, lower + quarters.size)
+    whole = ~np.isin(np.arange(len(quarters.volume)), number)
+    clouds = [cloud.only(~cut), quarters.only(whole)]
+    for side in (0, 1):
+        share = area[:, side] / quarters.size[number].prod(axis=1)
+        size = np.sqrt(share)[:, None] * quarters.size[number]
+        volume = share * quarters.volume[number]
+        clouds.append(PointCloud(middle[:, side], volume, size, -0.5 * size, quarters.body[number]))
+    return _joined(clouds)
+
+
+def _quartered(cloud: PointCloud) -> PointCloud:
+    """A point in the middle of each quarter of the rectangles."""
+    middle, size = cloud.positions + cloud.corner + 0.5 * cloud.size, 0.5 * cloud.size
+    steps = 0.5 * np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
+    places = [middle + step * size for step in steps]
+    return _joined([PointCloud(place, 0.25 * cloud.volume, size, -0.5 * size, cloud.body) for place in places])
+
+
+def _joined(clouds: list[PointCloud]) -> PointCloud:
+    return PointCloud(*(np.concatenate([getattr(part, each.name) for part in clouds]) for each in fields(PointCloud)))
 
 
 def placement_health(case: Case, cloud: PointCloud) -> dict[str, float]:

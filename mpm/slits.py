@@ -19,6 +19,12 @@ class GridError(CaseError):
     """No grid can be made as the case asks; the message is one sentence that ends with the remedy."""
 
 
+def is_level(case: Case, notch: SlitNotch) -> bool:
+    """Whether a slit lies along a line of the grid: its ends are no further off it than lines that are one."""
+    away = np.abs(np.asarray(notch.end) - np.asarray(notch.start)).min()
+    return bool(away <= SAME_LINE * case.mesh.h)
+
+
 class GridSlit:
     """An axis-parallel crack of no width on a grid line.
 
@@ -26,16 +32,9 @@ class GridSlit:
     its extent along the other direction.
     """
 
-    def __init__(self, case: Case, notch: SlitNotch) -> None:
+    def __init__(self, notch: SlitNotch) -> None:
         start, end, self.contact = np.array(notch.start, float), np.array(notch.end, float), notch.contact
-        across = np.isclose(start, end)
-        if not across.any():
-            raise GridError(
-                f"{case.source}: notches: the slit from {start.tolist()} to {end.tolist()} is inclined, but the grid"
-                ' can open only along its lines; make it axis-parallel, or give kind = "cells" with a width of'
-                f" {(case.mpm.order + 2) * case.mesh.h:g}"
-            )
-        self.normal = int(np.flatnonzero(across)[0])
+        self.normal = int(np.argmin(np.abs(end - start)))
         self.position = float(start[self.normal])
         self.start, self.end = sorted((float(start[1 - self.normal]), float(end[1 - self.normal])))
 
@@ -53,7 +52,7 @@ class SlitLine:
     ----------
     normal, position : as of the slits. slits : those on the line.
     whole : (n, 2) stretches along the line with material on both sides that no slit parts.
-    tips : ends of slits within the material [length]; a slit that ends on an edge, or where another begins, has none.
+    tips : (n, 2) ends of slits within the material [length]; one that ends on an edge, or where another begins, has none.
     """
 
     def __init__(self, case: Case, slits: list[GridSlit]) -> None:
@@ -62,7 +61,8 @@ class SlitLine:
         self._slack = SAME_LINE * case.mesh.h
         self.whole = np.array(list(self._whole_stretches()), float).reshape(-1, 2)
         ends = np.array([end for slit in slits for end in (slit.start, slit.end)])
-        self.tips = ends[np.isclose(ends[:, None], self.whole.ravel(), rtol=0.0, atol=self._slack).any(axis=1)]
+        within = np.isclose(ends[:, None], self.whole.ravel(), rtol=0.0, atol=self._slack).any(axis=1)
+        self.tips = np.array([self._at(end) for end in ends[within]]).reshape(-1, 2)
 
     def _whole_stretches(self) -> Iterator[tuple[float, float]]:
         lower, upper = self._case.bounding_box()
@@ -86,7 +86,8 @@ class SlitLine:
         """
         held = _meets(left, right, self.whole, self._slack)
         on_slit = _meets(left, right, np.array([(slit.start, slit.end) for slit in self.slits]), self._slack)
-        at_tip = ((left[:, None] < self.tips - self._slack) & (right[:, None] > self.tips + self._slack)).any(axis=1)
+        tips = self.tips[:, 1 - self.normal]
+        at_tip = ((left[:, None] < tips - self._slack) & (right[:, None] > tips + self._slack)).any(axis=1)
         bridging = np.flatnonzero(on_slit & held & ~at_tip)
         if len(bridging):
             self._refuse(0.5 * (left[bridging[0]] + right[bridging[0]]))
@@ -102,7 +103,7 @@ class SlitLine:
 
 def slit_lines(case: Case) -> list[SlitLine]:
     """The lines of a case's slits, each once."""
-    slits = [GridSlit(case, notch) for notch in case.all_notches if isinstance(notch, SlitNotch)]
+    slits = [GridSlit(notch) for notch in case.all_notches if isinstance(notch, SlitNotch) and is_level(case, notch)]
     step = SAME_LINE * case.mesh.h
     on_line = lambda slit: (slit.normal, round(slit.position / step))  # noqa: E731
     return [SlitLine(case, list(of_line)) for _, of_line in groupby(sorted(slits, key=on_line), key=on_line)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,25 +15,40 @@ from numerics.sparse_pattern import SymmetricPattern
 PENALTY = 1e3
 
 
-class ClosingFaces:
-    """Springs between pairs of nodes on the two faces of slits, which press and do not pull.
+class Faces(NamedTuple):
+    """Places (n,) on the two faces of a slit, where nodes (n, 2, k), seen from above and from below, weigh (n, k).
 
-    Unknowns are numbered 2 node + component, and each spring sees four of them: ``unknowns`` (n, 4), x and y of the node
-    on the upper face and of the one below.
+    normal : (2,) of the slit. A node with one number on both sides must weigh nothing: no face goes without the other.
     """
 
-    def __init__(self, pairs: NDArray, normal: NDArray, stiffness: float) -> None:
-        """Of nodes (n, 2), above and below, with the normals (n, 2) of their slits; stiffness [force/length]."""
-        self.unknowns = (2 * pairs[:, :, None] + np.arange(2)).reshape(-1, 4)
-        self._rate, self._stiffness = np.hstack([normal, -normal]), stiffness
+    nodes: NDArray
+    weights: NDArray
+    normal: NDArray
+
+
+class ClosingFaces:
+    """Springs between places on the two faces of slits, which press and do not pull.
+
+    Unknowns are numbered 2 node + component, and each spring sees m of them: ``unknowns`` (n, m), x and y of the nodes on
+    the upper face and of those below.
+    """
+
+    def __init__(self, unknowns: NDArray, rate: NDArray, stiffness: float) -> None:
+        """Springs by how the distance of the faces goes with the unknowns, rate (n, m); stiffness [force/length]."""
+        self.unknowns, self._rate, self._stiffness = unknowns, rate, stiffness
 
     @classmethod
-    def of(cls, case: Case, pairs: Iterable[tuple[NDArray, NDArray]], modulus: float) -> ClosingFaces:
-        """Of the pairs (n, 2) of each slit and its normal (2,); modulus : of the stiffest body [stress]."""
-        found = [(nodes, np.broadcast_to(normal, nodes.shape)) for nodes, normal in pairs]
-        nodes = np.concatenate([np.zeros((0, 2), int), *(n for n, _ in found)])
-        normals = np.concatenate([np.zeros((0, 2)), *(n for _, n in found)])
-        return cls(nodes, normals, PENALTY * modulus * case.plane.thickness)
+    def of(cls, case: Case, slits: Sequence[Faces], modulus: float) -> ClosingFaces:
+        """Of the faces of each slit; modulus : of the stiffest body [stress]."""
+        width = 4 * max((faces.weights.shape[1] for faces in slits), default=0)
+        unknowns, rates = [np.zeros((0, width), int)], [np.zeros((0, width))]
+        for nodes, weights, normal in slits:
+            of_nodes = np.stack([weights, -weights], axis=1)[..., None] * normal
+            for parts, part in ((unknowns, 2 * nodes[..., None] + np.arange(2)), (rates, of_nodes)):
+                flat = part.reshape(len(part), 4 * weights.shape[1])
+                # what a spring sees less than others weighs nothing
+                parts.append(np.pad(flat, ((0, 0), (0, width - flat.shape[1]))))
+        return cls(np.concatenate(unknowns), np.concatenate(rates), PENALTY * modulus * case.plane.thickness)
 
     def coupling(self, equations: NDArray) -> NDArray | None:
         """Pairs (m, 2) of equations that the springs couple; ``equations`` (2 n_nodes,), -1 where there is none."""
@@ -65,7 +81,7 @@ class ClosingFaces:
 
     def _entries(self, equations: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Rows, columns, spring and product of rates of the upper half of each spring's matrix, where both are free."""
-        first, second = np.triu_indices(4)
+        first, second = np.triu_indices(self.unknowns.shape[1])
         numbers = equations[self.unknowns]
         rows, columns = numbers[:, first].ravel(), numbers[:, second].ravel()
         product = (self._rate[:, first] * self._rate[:, second]).ravel()

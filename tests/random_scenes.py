@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import random
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,8 +45,11 @@ class Outcome:
         return self.apart > AGREEMENT and not self.suspicions
 
 
-def scene(seed: int, breaking: bool = False) -> Tables:
-    """Tables of a plate with shape, notches, supports and load drawn at random; equal seeds, equal scenes."""
+def scene(seed: int, breaking: bool = False, turned: bool = False) -> Tables:
+    """Tables of a plate with shape, notches, supports and load drawn at random; equal seeds, equal scenes.
+
+    turned : slits are at any angle.
+    """
     draw = random.Random(seed)
     width, height = draw.choice([1.0, 1.5, 2.0]), draw.choice([1.0, 1.5])
     split = draw.choice(["spectral", "volumetric_deviatoric"])
@@ -71,7 +75,8 @@ def scene(seed: int, breaking: bool = False) -> Tables:
         "mpm": {"order": draw.choice([1, 2]), "points_per_cell": draw.choice([2, 3])},
         "runs": {"fem": {"solver": "fem"}, "mpm": {"solver": "mpm"}},
     }
-    return tables if breaking else tables | _loads(random.Random(f"loads {seed}"), tables, pulled)
+    tables = tables if breaking else tables | _loads(random.Random(f"loads {seed}"), tables, pulled)
+    return _turned(tables, seed) if turned else tables
 
 
 def _loads(draw: random.Random, tables: Tables, pulled: str) -> Tables:
@@ -114,10 +119,23 @@ def _notches(draw: random.Random, width: float, height: float) -> list[Tables]:
     return [notch | ({"width": 2 * H} if kind == "cells" else {})]
 
 
-def outcome(seed: int, folder: Path, breaking: bool = False) -> Outcome:
+def _turned(tables: Tables, seed: int) -> Tables:
+    """In place of the scene's slit one at any angle, from the left edge or within the left half of the plate."""
+    if [notch["kind"] for notch in tables["notches"]] != ["slit"]:
+        return tables
+    draw = random.Random(f"slit {seed}")
+    notch, angle = tables["notches"][0], math.radians(draw.uniform(-70.0, 70.0))
+    (x, y), size = notch["start"], notch["end"][0]
+    x += draw.choice([0.0, 0.0, 0.6 * size])
+    end = [x + size * math.cos(angle), y + size * math.sin(angle)]
+    mesh = tables["mesh"] | {"element": "triangle"}
+    return tables | {"mesh": mesh, "notches": [notch | {"start": [x, y], "end": end}]}
+
+
+def outcome(seed: int, folder: Path, breaking: bool = False, turned: bool = False) -> Outcome:
     """Both solvers on a scene, and the finite elements on half of the spacing."""
-    tables = scene(seed, breaking)
-    finer = {**tables, "mesh": {"h": 0.5 * H}}
+    tables = scene(seed, breaking, turned)
+    finer = {**tables, "mesh": {**tables["mesh"], "h": 0.5 * H}}
     runs = [("fem", tables), ("mpm", tables), ("fem", finer)]
     ran = [
         running.run(case_from_tables(each, run=solver), solver, out=folder / str(n), threads=1)
@@ -142,10 +160,11 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--breaking", action="store_true")
+    parser.add_argument("--turned", action="store_true", help="slits at any angle")
     asked = parser.parse_args()
     for seed in range(asked.first, asked.first + asked.scenes):
         with TemporaryDirectory() as folder:
-            found = outcome(seed, Path(folder), asked.breaking)
+            found = outcome(seed, Path(folder), asked.breaking, asked.turned)
         verdict = "SILENT" if found.silent else "suspect" if found.suspicions else "agree"
         numbers = f"fem {found.fem:.5g} mpm {found.mpm:.5g} finer {found.finer:.5g} apart {100 * found.apart:.2f} %"
         print(f"{seed}: {verdict}: {numbers} {'; '.join(found.suspicions)}", flush=True)

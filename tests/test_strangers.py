@@ -232,15 +232,6 @@ def test_a_moving_notch_that_does_not_part_its_body_is_refused(solver):
     DISCRETISATIONS[solver](case_from_tables({**BEAM, **remedy}, run=solver))
 
 
-def test_the_remedy_for_an_inclined_slit_works():
-    inclined = {"start": [0.7, 0.35], "end": [1.3, 0.65]}
-    with pytest.raises(CaseError, match=r'inclined.*kind = "cells" with a width of 0\.15'):
-        DISCRETISATIONS["mpm"](plate("mpm", notches=[{"kind": "slit", **inclined}]))
-    cells = [{"kind": "cells", "width": 0.15, **inclined}]
-    fem, mpm = (force(plate(solver, notches=cells), solver) for solver in ("fem", "mpm"))
-    assert mpm == pytest.approx(fem, rel=0.02)
-
-
 def test_an_angle_of_a_region_that_no_one_tells_is_refused() -> None:
     region = {"body": "plate", "within": {"rectangle": {"lower": [0.0, 0.0], "upper": [0.5, 0.5]}}}
     with pytest.raises(CaseError, match=r"'output.regions' are told of in dynamics only"):

@@ -12,7 +12,7 @@ from fem_reference.boundary import NodeConstraints
 from fem_reference.element_basis import ElementBasis
 from fem_reference.mesh.slits import face_pairs
 from fem_reference.tractions import check_held_edges, traction_forces
-from numerics.closing import ClosingFaces
+from numerics.closing import ClosingFaces, Faces
 from numerics.costs import Costs
 from numerics.displacement_equations import DisplacementEquations
 from numerics.sparse_pattern import gather_vector
@@ -76,5 +76,9 @@ class MeshEquilibrium(DisplacementEquations):
 def _closing_faces(case: Case, basis: ElementBasis) -> ClosingFaces:
     mesh = MeshArrays(basis.nodes, basis.elements.astype(np.int64), basis.body)
     slits = [notch for notch in case.all_notches if isinstance(notch, SlitNotch) and notch.contact]
-    pairs = [(face_pairs(mesh, slit), np.array([-slit.direction[1], slit.direction[0]])) for slit in slits]
-    return ClosingFaces.of(case, pairs, float(MaterialTable(case).stiffness.max()))
+    pairs = [face_pairs(mesh, slit) for slit in slits]
+    faces = [
+        Faces(nodes[:, :, None], np.ones((len(nodes), 1)), np.array([-slit.direction[1], slit.direction[0]]))
+        for nodes, slit in zip(pairs, slits, strict=True)
+    ]
+    return ClosingFaces.of(case, faces, float(MaterialTable(case).stiffness.max()))

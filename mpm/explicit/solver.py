@@ -297,7 +297,7 @@ def _refuse_what_needs_a_grid_that_stays(case: Case) -> None:
         if notch.kind == "slit":
             raise GridError(
                 f"{case.source}: notches: the slit from {list(notch.start)} to {list(notch.end)} would open a grid"
-                ' that stays, this one moves; give kind = "cells" or "history".'
+                f' that stays, this one moves; give kind = "cells" with a width of {3.0 * case.mesh.h:g}, or "history".'
             )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from mpm.grid import Grid
+from mpm.grid import Grid, GridCells
 
 #: rings of empty cells kept around the occupied ones, so that points can wander before equations are renumbered
 RINGS = 2
@@ -39,36 +39,40 @@ class ActiveGrid:
     Attributes
     ----------
     cells : with the points in them. n_nodes : nodes of the whole grid.
-    x, y : (n_cells,) place of each cell in the grid.
-    number : (nx, ny) number of each cell of the grid, -1 where it is not in use.
-    numbered_for : cells (2, n_points) of the points, in x and y, when the cells were chosen.
+    places : of each cell in the grid (n_cells,).
+    number : (2, nx, ny) number of the copies of each cell of the grid, -1 where it is not in use.
+    numbered_for : (3, n_points) cells of the points when the cells were chosen.
     near_breaking : (n_cells,) cells that hold points which can break, and rings around them.
     shift : (2,) where the grid stands in this step, from its first place.
     """
 
-    def __init__(self, grid: Grid, places: tuple[NDArray, NDArray], breaking: NDArray) -> None:
-        """For points in the cells at ``places`` of which those of ``breaking`` (n_points,) can break."""
-        self._grid, self._breaking, self.numbered_for = grid, breaking, np.array(places)
-        self.x, self.y = np.nonzero(_with_rings(grid, places))
-        self.number = np.full(grid.shape, -1, dtype=np.int64)
-        self.number[self.x, self.y] = np.arange(len(self.x))
-        of_breaking = (places[0][breaking], places[1][breaking])
-        self.near_breaking = _with_rings(grid, of_breaking)[self.x, self.y]
-        self._nodes, self.n_nodes = grid.cell_nodes(self.x, self.y), grid.n_nodes
+    def __init__(self, grid: Grid, of_points: GridCells, breaking: NDArray) -> None:
+        """For points in these cells, of which those of ``breaking`` (n_points,) can break."""
+        self._grid, self._breaking, self.numbered_for = grid, breaking, np.array(of_points)
+        around = _with_rings(grid, of_points.x, of_points.y)
+        copy, x, y = np.nonzero([around, around & (grid.cut_by >= 0)])
+        self.places = GridCells(x, y, copy)
+        self.number = np.full((2, *grid.shape), -1, dtype=np.int64)
+        self.number[copy, x, y] = np.arange(len(x))
+        self.near_breaking = _with_rings(grid, of_points.x[breaking], of_points.y[breaking])[x, y]
+        self._nodes, self.n_nodes = grid.cell_nodes(self.places), grid.n_nodes
         self.shift = np.zeros(2)
-        self.sort_points(places)
+        self.sort_points(of_points)
 
-    def holds(self, places: tuple[NDArray, NDArray]) -> bool:
+    def holds(self, of_points: GridCells) -> bool:
         """Whether all points' cells are among these, and those of points that can break near where such points were."""
-        cell = self.number[places]
+        cell = self._numbers(of_points)
         return bool((cell >= 0).all() and self.near_breaking[cell[self._breaking]].all())
 
-    def sort_points(self, places: tuple[NDArray, NDArray]) -> None:
+    def sort_points(self, of_points: GridCells) -> None:
         """List the points of each cell, in the points' order."""
-        cell = self.number[places]
+        cell = self._numbers(of_points)
         counts = np.bincount(cell, minlength=len(self._nodes))
         starts = np.concatenate([[0], np.cumsum(counts)])
         self.cells = Cells(self._nodes, cell, starts, np.argsort(cell, kind="stable"))
+
+    def _numbers(self, of_points: GridCells) -> NDArray:
+        return self.number[of_points.copy, of_points.x, of_points.y]
 
     @property
     def counts(self) -> NDArray:
@@ -85,20 +89,20 @@ class ActiveGrid:
         Each cell has its own corners, because the fields may jump across slits.
         """
         occupied = np.flatnonzero(self.counts)
-        x, y = self.x[occupied], self.y[occupied]
+        places = GridCells(*(part[occupied] for part in self.places))
         lines = [axis.breakpoints for axis in self._grid.axes]
         steps = ((0, 0), (1, 0), (1, 1), (0, 1))
-        corners = np.stack([np.stack([lines[0][x + i], lines[1][y + j]], -1) for i, j in steps], axis=1)
+        corners = np.stack([np.stack([lines[0][places.x + i], lines[1][places.y + j]], -1) for i, j in steps], axis=1)
         values = np.empty((len(occupied), 4))
         for corner in range(4):
-            basis, _ = self._grid.evaluate(corners[:, corner], x, y)
+            basis, _ = self._grid.evaluate(corners[:, corner], places)
             values[:, corner] = (basis * nodal[self._nodes[occupied]]).sum(axis=1)
         cells = np.arange(values.size).reshape(-1, 4)
         return corners.reshape(-1, 2) + self.shift, cells, values.ravel()
 
 
-def _with_rings(grid: Grid, places: tuple[NDArray, NDArray]) -> NDArray:
-    """Cells (nx, ny) of the grid at places in x and y, with rings around them."""
+def _with_rings(grid: Grid, x: NDArray, y: NDArray) -> NDArray:
+    """Mask (nx, ny) of the grid's cells at places in x and y, with rings around them."""
     occupied = np.zeros(grid.shape, bool)
-    occupied[places] = True
+    occupied[x, y] = True
     return binary_dilation(occupied, np.ones((3, 3), bool), iterations=RINGS)

@@ -14,8 +14,7 @@ def check_built(case: Case, grid: Grid, cloud: PointCloud, supports: Supports) -
     if case.mesh.locking_free and grid.order == 1:
         text = "mesh.locking_free: B-splines of order 1 lock and have no B-bar; set mpm.order = 2"
         raise GridError(f"{case.source}: {text}")
-    sides = [slit.sides(cloud.positions) for slit in grid.slits]
-    nodes = grid.cell_nodes(*grid.locate(cloud.positions, sides))
+    nodes = grid.cell_nodes(grid.locate(cloud.positions, grid.sides(cloud.positions)))
     reach = (grid.order + 1) * case.mesh.h
     remedy = f'make mesh.h no more than 1/{grid.order + 2} of it, or give kind = "slit" or "history"'
     check_notches_part(case, cloud.positions, nodes, reach, remedy)

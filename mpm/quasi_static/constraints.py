@@ -386,9 +386,8 @@ def closing_faces(case: Case, grid: Grid, materials: MaterialTable) -> ClosingFa
     None on a grid that follows the crack: a new one does not know how far its faces are apart. The health record tells
     where they go through each other.
     """
-    in_contact = [slit for slit in grid.slits if slit.contact and not case.mesh.follow_crack]
-    pairs = [(grid.face_pairs(slit), np.eye(2)[slit.normal]) for slit in in_contact]
-    return ClosingFaces.of(case, pairs, float(materials.stiffness.max()))
+    faces = [] if case.mesh.follow_crack else grid.faces()
+    return ClosingFaces.of(case, faces, float(materials.stiffness.max()))
 
 
 def _joined(parts: list[NDArray], kind: type) -> NDArray:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mpm.grid import Grid
+from mpm.grid import Grid, Sides
 from mpm.quasi_static.active_grid import ActiveGrid
 
 #: points of a cell closer together than this share of the covered part's variance are not spread apart
@@ -28,20 +28,21 @@ class Rectangles(NamedTuple):
 
 
 def integrate_cells(
-    grid: Grid, active: ActiveGrid, positions: NDArray, rectangles: Rectangles, sides: list[NDArray]
+    grid: Grid, active: ActiveGrid, positions: NDArray, rectangles: Rectangles, sides: Sides
 ) -> tuple[NDArray, NDArray]:
     """Factors (n_points,) on the points' areas, and places (n_points, 2), that integrate each cell as it is covered.
 
     The factors give each cell the area covered. The places, moved and spread in the points' own cells, give the first
     and second moments of that area in x and in y; four points on Gauss points of a full cell stay where they are.
-    Parts of rectangles in cells without points, or across a slit, count for the point's own cell.
+    Parts of rectangles in cells without points, or across a slit, count for the point's own cell, and so do whole
+    rectangles in cells that an inclined slit cuts.
     """
     counts, cell = active.counts, active.cells.cell
     moments = np.zeros((len(counts), 5))
     lines = grid.axes[0].breakpoints, grid.axes[1].breakpoints
-    own = (active.x[cell], active.y[cell])
-    closed = _closed_sides(grid, own, sides)
-    _add_moments(own, rectangles, lines, closed, active.number, counts, moments)
+    own = (active.places.x[cell], active.places.y[cell])
+    closed = _closed_sides(grid, own, sides.of_lines)
+    _add_moments(own, rectangles, lines, closed, (active.number, grid.cut_by, sides.above), counts, moments)
     held = np.bincount(cell, weights=rectangles.area, minlength=len(counts))[cell]
     covered = moments[cell, 0]
     places = np.empty_like(positions)
@@ -50,16 +51,23 @@ def integrate_cells(
         mean = moments[cell, 1 + 2 * d] / covered
         variance = moments[cell, 2 + 2 * d] / covered - mean**2
         local = _fit(cell, (positions[:, d] - start) / width, rectangles.area / held, mean, variance)
-        places[:, d] = start + width * np.clip(local, 0.0, 1.0)
+        places[:, d] = start + width * local
     return covered / held, places
 
 
 def _fit(cell: NDArray, local: NDArray, share: NDArray, mean: NDArray, variance: NDArray) -> NDArray:
-    """Places (n_points,) in their cells, moved and spread so that each cell has a mean and a variance."""
+    """Places (n_points,) in their cells, moved so that each cell has a mean, and spread as far as they stay in it to
+    have a variance.
+    """
     away = local - np.bincount(cell, weights=share * local)[cell]
     spread = np.bincount(cell, weights=share * away**2)[cell]
     apart = spread > CLOSEST * variance
-    return mean + np.sqrt(np.divide(variance, spread, out=np.zeros_like(spread), where=apart)) * away
+    factor = np.sqrt(np.divide(variance, spread, out=np.zeros_like(spread), where=apart))
+    to_edge = np.where(away > 0.0, 1.0 - mean, mean)
+    room = np.divide(to_edge, np.abs(away), out=np.full_like(away, np.inf), where=away != 0.0)
+    least = np.full(cell.max() + 1, np.inf)
+    np.minimum.at(least, cell, room)
+    return np.clip(mean + np.minimum(factor, np.maximum(least[cell], 0.0)) * away, 0.0, 1.0)
 
 
 def _closed_sides(grid: Grid, own: tuple[NDArray, NDArray], sides: list[NDArray]) -> NDArray:
@@ -69,16 +77,17 @@ def _closed_sides(grid: Grid, own: tuple[NDArray, NDArray], sides: list[NDArray]
         line = grid.line_of(slit)
         closed[:, 2 * slit.normal + 1] |= (side < 0) & (own[slit.normal] == line - 1)
         closed[:, 2 * slit.normal] |= (side > 0) & (own[slit.normal] == line)
+    closed[grid.cut_by[own] >= 0] = True
     return closed
 
 
 @njit(cache=True)
-def _add_moments(own, rectangles, lines, closed, number, counts, moments):
+def _add_moments(own, rectangles, lines, closed, copies, counts, moments):
     """Add the parts of each rectangle to the cells that they lie in: area, then first and second moments in x and y.
 
     Moments are in units of the cell that takes the part. ``own`` and ``lines`` are in x and in y.
     """
-    (cells_x, cells_y), (lines_x, lines_y) = own, lines
+    (cells_x, cells_y), (lines_x, lines_y), (number, _, _) = own, lines, copies
     lower, upper, _ = rectangles
     for p in range(len(cells_x)):
         i, j = cells_x[p], cells_y[p]
@@ -90,10 +99,10 @@ def _add_moments(own, rectangles, lines, closed, number, counts, moments):
                 if area == 0.0:
                     continue
                 ia, jb = i + a - 1, j + b - 1
-                inside = 0 <= ia < number.shape[0] and 0 <= jb < number.shape[1]
-                if not inside or number[ia, jb] < 0 or counts[number[ia, jb]] == 0:
+                inside = 0 <= ia < number.shape[1] and 0 <= jb < number.shape[2]
+                if not inside or _seen_from(p, ia, jb, copies) < 0 or counts[_seen_from(p, ia, jb, copies)] == 0:
                     ia, jb = i, j
-                cell = number[ia, jb]
+                cell = _seen_from(p, ia, jb, copies)
                 x, xx = _moments(edges_x[a], edges_x[a + 1], lines_x[ia], lines_x[ia + 1])
                 y, yy = _moments(edges_y[b], edges_y[b + 1], lines_y[jb], lines_y[jb + 1])
                 moments[cell, 0] += area
@@ -101,6 +110,14 @@ def _add_moments(own, rectangles, lines, closed, number, counts, moments):
                 moments[cell, 2] += area * xx
                 moments[cell, 3] += area * y
                 moments[cell, 4] += area * yy
+
+
+@njit(cache=True)
+def _seen_from(p, i, j, copies):
+    """Number of the copy of a cell of the grid that a point sees."""
+    number, cut_by, above = copies
+    slit = cut_by[i, j]
+    return number[1 if slit >= 0 and above[slit, p] else 0, i, j]
 
 
 @njit(cache=True)

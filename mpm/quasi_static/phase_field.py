@@ -33,7 +33,7 @@ class GridPhaseField:
         self._coefficients = PhaseFieldCoefficients(materials, body)
         self._is_bounded = bool(materials.is_linear.any())
         self._fourth_order = bool(materials.fourth_order.any())
-        if self._fourth_order and grid.slits:
+        if self._fourth_order and (grid.slits or grid.inclined):
             raise GridError(
                 f"{case.source}: notches: the grid is not smooth on the line of a slit, as fracture.order = 4 needs;"
                 ' use kind = "cells" or "history" instead'

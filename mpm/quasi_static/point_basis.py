@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from mpm.grid import Grid
+from mpm.grid import Grid, GridCells
 from mpm.placement import PointCloud
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.integration import Rectangles, integrate_cells
@@ -50,7 +50,7 @@ class PointBasis:
         self.grid, self.cloud, self._case = grid, cloud, case
         self._breaking = materials.breakable[cloud.body]
         self._tip_points = grid.points_at_tips(cloud.positions)
-        self._sides = [slit.sides(cloud.positions) for slit in grid.slits]
+        self._sides = grid.sides(cloud.positions)
         fourth_order = bool(materials.fourth_order.any())
         self._curvature_operator = materials.curvature[cloud.body] if fourth_order else np.zeros((0, 3, 3))
         self._active: ActiveGrid | None = None
@@ -62,8 +62,8 @@ class PointBasis:
         assert self._active is not None
         return self._active
 
-    def use_cells(self, places: tuple[NDArray, NDArray]) -> None:
-        """Take cells for points in those at ``places`` in x and y, and around them."""
+    def use_cells(self, places: GridCells) -> None:
+        """Take cells for points in those at ``places``, and around them."""
         self._active = ActiveGrid(self.grid, places, self._breaking)
 
     def find_points(self, state: PointState) -> bool:
@@ -77,7 +77,7 @@ class PointBasis:
         self.active.sort_points(places)
         self.active.shift = shift
         self._positions, self._places = positions, places
-        self.own_value, _ = self.grid.evaluate(positions, *places)
+        self.own_value, _ = self.grid.evaluate(positions, places)
         self.values = self._values(state)
         self.is_current = True
         return others
@@ -86,10 +86,10 @@ class PointBasis:
         intact = _intact(state.phase_field)
         deformation = _deformation(state.gradient, intact)
         filling, places = self._integration(intact, deformation)
-        value, slope = self.grid.evaluate(places, *self._places)
+        value, slope = self.grid.evaluate(places, self._places)
         curvature = np.zeros((0, 0, 3))
         if len(self._curvature_operator):
-            second = self.grid.second_derivatives(places, *self._places)
+            second = self.grid.second_derivatives(places, self._places)
             curvature = second @ self._material_axes(deformation).transpose(0, 2, 1)
         # torn material (c -> 0) keeps the grid's own slopes and its own volume
         self.filled_volume = volume = self.cloud.volume * filling
@@ -99,8 +99,8 @@ class PointBasis:
 
     def values_beside(self, points: NDArray, offset: NDArray) -> NDArray:
         """Functions (n, k) of the cells of some points (n,) at places that are an offset (n, 2) away."""
-        cells = (part[points] for part in self._places)
-        return self.grid.evaluate(self._positions[points] + offset, *cells)[0]
+        cells = GridCells(*(part[points] for part in self._places))
+        return self.grid.evaluate(self._positions[points] + offset, cells)[0]
 
     def displacement(self, nodal: NDArray) -> NDArray:
         """Displacement (n_points, 2) of the points for one of the nodes (n_nodes, 2)."""

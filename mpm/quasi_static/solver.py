@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from cases import Case
-from mpm.grid import Grid
+from mpm.grid import Grid, GridCells
 from mpm.placement import place_points, placement_health
 from mpm.quasi_static import displacement_kernels as kernels
 from mpm.quasi_static.active_grid import ActiveGrid
@@ -227,7 +227,7 @@ class MaterialPoints:
         """Go back to the state of a checkpoint of the same case."""
         arrays = {name: saved[name] for name in vars(self.state)}
         values: dict[str, Any] = {name: array.copy() if array.ndim else float(array) for name, array in arrays.items()}
-        self.basis.use_cells((saved["numbered_for"][0], saved["numbered_for"][1]))
+        self.basis.use_cells(GridCells(*saved["numbered_for"]))
         self._use_cells(self.basis.active)
         self._begin_with(PointState(**values))
 
