@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from mpm.explicit.cell_splines import basis, second_derivatives
 from physics.phase_field import breaks_now, crack_density, expected_change
 
-
 #: stiffness that holds the phase field of points at the rim of a window, over that of the equation there
 HOLDING = 10.0
 
@@ -132,8 +131,8 @@ def to_points(order, strips, motion, history, law, over_h, nodal, now, crack):
 @njit(cache=True, parallel=True)
 def mark_changing(strips, motion, crack, history, law, tolerance, block, marked):
     """Mark the blocks of ``block`` x ``block`` cells that hold a point whose phase field would change by more than the
-    tolerance, ``marked`` (n_x, n_y, RINGS) by the number of rings of blocks beyond which less than the tolerance is left of
-    the change: each takes all but 1/e of it."""
+    tolerance, ``marked`` (n_x, n_y, RINGS) by the number of rings of blocks beyond which less than the tolerance is left
+    of the change: each takes all but 1/e of it."""
     most = marked.shape[2]
     x, y, c, solved_for, drive, resistance = motion.x, motion.y, crack.c, crack.solved_for, law.drive, law.resistance
     for strip in prange(len(strips) - 1):
