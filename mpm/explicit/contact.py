@@ -15,6 +15,7 @@ from mpm.explicit.body_surface import find_gaps, find_mass_slopes, find_normals,
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.rigid_body import BodyOfKeptVelocity
 from mpm.explicit.rigid_contact import RigidSide, count_impulses, press, rigid_side
+from mpm.explicit.window import GridWindow
 
 #: relative round-off allowed in the checks C.1 to C.4
 ROUND_OFF = 1e-9
@@ -74,6 +75,24 @@ class ContactSums(NamedTuple):
     counts: NDArray
 
 
+class Overlap(NamedTuple):
+    """Nodes that two windows have in common: their first one (2,) in each, how many (2,) in each direction and in all."""
+
+    one: GridWindow
+    two: GridWindow
+    corner_in_one: NDArray
+    corner_in_two: NDArray
+    extent: NDArray
+    size: int
+
+    @classmethod
+    def of(cls, one: GridWindow, two: GridWindow) -> Overlap:
+        """That of two windows of one lattice."""
+        corner = np.maximum(one.corner, two.corner)
+        extent = np.minimum(one.corner + one.shape, two.corner + two.shape) - corner
+        return cls(one, two, corner - one.corner, corner - two.corner, extent, int(extent[0] * extent[1]))
+
+
 class Pair:
     """Two bodies that may touch.
 
@@ -93,19 +112,20 @@ class Pair:
         first, second = (body.keeps_velocity or body.name == case.contact.normals_of for body in self._bodies)
         self._holds = (first and not other_keeps, second and not keeps)
         self.touching, self.count = Touching.room(0), 0
+        self._overlap = Overlap.of(*(body.window for body in self._bodies))
 
     def share(self) -> bool:
         """Find the nodes at which both bodies have mass (Remark 1), numbered in each one's window; whether any is."""
         one, two = (body.window for body in self._bodies)
-        corner = np.maximum(one.corner, two.corner)
-        extent = np.minimum(one.corner + one.shape, two.corner + two.shape) - corner
-        self.count = 0
-        if extent.min() <= 0:
+        if one is not self._overlap.one or two is not self._overlap.two:
+            self._overlap = Overlap.of(one, two)
+        overlap, self.count = self._overlap, 0
+        if overlap.extent[0] <= 0 or overlap.extent[1] <= 0:
             return False
-        if int(extent[0] * extent[1]) > len(self.touching.gap):
-            self.touching = Touching.room(int(extent[0] * extent[1]))
+        if overlap.size > len(self.touching.gap):
+            self.touching = Touching.room(overlap.size)
         self.count = share_nodes(
-            one.sums.m, one.width, corner - one.corner, two.sums.m, two.width, corner - two.corner, extent,
+            one.sums.m, one.width, overlap.corner_in_one, two.sums.m, two.width, overlap.corner_in_two, overlap.extent,
             self.touching.nodes,
         )  # fmt: skip
         return self.count > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from cases import Case
 from mpm.explicit.body_fields import fields_of
 from mpm.explicit.body_motion import body_angle, regions_of
 from mpm.explicit.contact import Contact
+from mpm.explicit.moving_body import Carried
 from mpm.explicit.phase_field import PointPhaseField
 from mpm.explicit.prescribed import Tractions, held_lines
 from mpm.explicit.rigid_body import FreeRigidBody, make_body
@@ -167,17 +168,18 @@ class ExplicitMaterialPoints:
             self.contact.detect()
             self.contact.exchange(size)
         with self.costs.timed("grid"):
-            self._count_boundary_work(impulses + self._hold(now), size, damping)
+            impulses += self._hold(now)
+            carried = [] if self._frame.at_rest and not damping else [body.carried() for body in self._moving]
+            self._count_boundary_work(impulses, size, damping, carried)
         if not self._frame.at_rest:
-            self._go_with_mean_velocities(acceleration, size)
+            self._go_with_mean_velocities(acceleration, size, carried)
         self._update(now, size)
         self._now = now + size
 
-    def _go_with_mean_velocities(self, acceleration: NDArray, size: float) -> None:
+    def _go_with_mean_velocities(self, acceleration: NDArray, size: float, of_bodies: Sequence[Carried]) -> None:
         """Let the middle of each body go with the mean of its velocities before and after the step, as what its mass does
         work on: with the later one a fall in the time t is too far by g t dt / 2. At rest the two are one."""
-        for body in self._moving:
-            carried = body.carried()
+        for body, carried in zip(self._moving, of_bodies, strict=True):
             body.lag = 0.5 * (carried.after - carried.before) / carried.mass
             self._outer_work += 0.5 * size * float(acceleration @ (carried.before + carried.after))
 
@@ -203,9 +205,9 @@ class ExplicitMaterialPoints:
         """Prescribe velocities; the impulses (n_lines,) that it takes [force time]."""
         return np.array([line.apply(now) for line in self._lines])
 
-    def _count_boundary_work(self, impulses: NDArray, size: float, damping: float) -> None:
+    def _count_boundary_work(self, impulses: NDArray, size: float, damping: float, of_bodies: Sequence[Carried]) -> None:
         work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
-        damped = sum(body.carried().damped for body in self._moving if damping)
+        damped = sum(carried.damped for carried in of_bodies)
         work += size * (self._tractions.power() - damping * damped)
         self._outer_work += work
         self._boundary_power = work / size

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -99,7 +100,7 @@ class GridWindow:
         """Place (2,) of the window's first node [length]."""
         return lattice.origin + lattice.h * (self.corner - 0.5 * (lattice.order - 1))  # type: ignore[no-any-return]
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Nodes in y."""
         return int(self.shape[1])
