@@ -24,9 +24,11 @@ from .staggered import (
 )
 
 #: last moves that the inverse Jacobian learns from
-MEMORY = 30
-#: solutions that a factor serves before it is made anew
-LARGEST_USES = 25
+MEMORY = 20
+#: solutions that a factor serves before it is made anew, at the beginning of an increment and within one
+USES_BEFORE, USES_WITHIN = 10, 30
+#: share of the phase field's tolerance that equilibrium may be off, in relative residual, as it is after such a change
+EQUILIBRIUM_SHARE = 0.1
 #: iterations after which an increment is left to the staggered scheme
 LARGEST_ITERATIONS = 200
 #: longest step, as a change of the phase field
@@ -139,13 +141,11 @@ class CoupledEquations:
         forces = residual[: self._equilibrium.size]
         return float(np.sqrt(np.einsum("n,n->", forces, forces)))
 
-    def renewed(self) -> bool:
-        """Whether the factors had served long enough; they are now those of the trial state."""
-        if max(self._equilibrium.solver.uses, self._equation.solver.uses) < LARGEST_USES:
-            return False
-        self._equilibrium.solver.factorise(self.discretisation.tangent())
-        self._equation.solver.factorise(self._equation.matrix())
-        return True
+    def renew_factors(self, most: int) -> None:
+        """Make the factors those of the trial state if they have served for ``most`` solutions."""
+        if max(self._equilibrium.solver.uses, self._equation.solver.uses) >= most:
+            self._equilibrium.solver.factorise(self.discretisation.tangent())
+            self._equation.solver.factorise(self._equation.matrix())
 
     def solve(self, residual: NDArray) -> NDArray:
         """Unknowns (n,) that the factors, of each equation by itself, give for a residual (n,)."""
@@ -156,17 +156,16 @@ class CoupledEquations:
 def _minimised(equations: CoupledEquations, case: Case, give_up: Callable[[int], str]) -> StepOutcome | None:
     """The outcome of the iteration, None where it does not converge; raises NewtonError where it leaves all bounds."""
     settings, moves = case.staggered, deque[Move](maxlen=MEMORY)
+    balance = max(10.0 * settings.residual_tolerance, EQUILIBRIUM_SHARE * settings.tolerance)
     unknowns, change = equations.start, np.inf
     residual, scale = equations.residual(unknowns)
     for iteration in range(1, min(LARGEST_ITERATIONS, settings.largest_iterations) + 1):
         equations.discretisation.costs.begin_iteration()
-        if equations.renewed():
-            moves.clear()
+        equations.renew_factors(USES_WITHIN if moves else USES_BEFORE)
         step = -_inverse(equations, moves, residual)
         slope = float(np.einsum("n,n->", step, residual))
         before, change = change, float(np.abs(equations.phase_field(step)).max())
-        in_balance = equations.imbalance(residual) <= 10.0 * settings.residual_tolerance * scale
-        if in_balance and remaining_distance(change, before) <= settings.tolerance:
+        if equations.imbalance(residual) <= balance * scale and remaining_distance(change, before) <= settings.tolerance:
             return StepOutcome("converged", equations.history_field, iteration)
         reason = "" if iteration % ITERATIONS_BETWEEN else give_up(iteration)
         if reason:
