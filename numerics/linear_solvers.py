@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -34,9 +33,6 @@ class LinearSolverError(RuntimeError):
 
 class LinearSolver(Protocol):
     """Solves K x = b for matrices that share one pattern."""
-
-    #: solutions of `solve_again` for the matrix that is kept; inf before there is one
-    uses: float
 
     def factorise(self, values: NDArray) -> None:
         """Keep the matrix of the pattern's values (nnz,), for solutions to come."""
@@ -70,28 +66,18 @@ class DirectSolver(LinearSolver, Protocol):
 class _Keeping(ABC):
     """A solver that keeps a matrix."""
 
-    uses = math.inf
-
+    @abstractmethod
     def factorise(self, values: NDArray) -> None:
         """Keep the matrix of the pattern's stored entries, for solutions to come."""
-        self._keep(values)
-        self.uses = 0
 
+    @abstractmethod
     def solve_again(self, right_side: NDArray) -> NDArray:
         """Solution (n,) for the matrix that is kept and a right side (n,)."""
-        self.uses += 1
-        return self._solution(right_side)
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
         """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
         self.factorise(values)
-        return self._solution(right_side)
-
-    @abstractmethod
-    def _keep(self, values: NDArray) -> None: ...
-
-    @abstractmethod
-    def _solution(self, right_side: NDArray) -> NDArray: ...
+        return self.solve_again(right_side)
 
 
 class Pardiso(_Keeping):
@@ -120,14 +106,16 @@ class Pardiso(_Keeping):
         """Solve for matrices of another pattern from now on."""
         if self._analysed:
             self._solver.free_memory(everything=True)
-        self._pattern, self._analysed, self.uses = pattern, False, math.inf
+        self._pattern, self._analysed = pattern, False
 
-    def _keep(self, values: NDArray) -> None:
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's stored entries, for solutions to come."""
         self._matrix = self._pattern.upper(values)
         with _reported():
             self._factorise_somehow(self._matrix)
 
-    def _solution(self, right_side: NDArray) -> NDArray:
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
         with _reported(), self._costs.timed("solve"):
             return self._call(33, self._matrix, right_side)
 
@@ -172,9 +160,10 @@ class SuperLU(_Keeping):
 
     def take(self, pattern: Pattern) -> None:
         """Solve for matrices of another pattern from now on."""
-        self._pattern, self.uses = pattern, math.inf
+        self._pattern = pattern
 
-    def _keep(self, values: NDArray) -> None:
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's stored entries, for solutions to come."""
         with self._costs.timed("factorisation"):
             try:
                 self._factor = sparse_linalg.splu(
@@ -186,7 +175,8 @@ class SuperLU(_Keeping):
                 raise LinearSolverError(f"SuperLU could not factorise the matrix: {error}") from error
         self._costs.count["factorisations"] += 1
 
-    def _solution(self, right_side: NDArray) -> NDArray:
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
         with self._costs.timed("solve"):
             return self._factor.solve(right_side)
 
@@ -194,7 +184,8 @@ class SuperLU(_Keeping):
 class _KeepingValues(_Keeping):
     """A solver by iteration, which has nothing to factorise."""
 
-    def _keep(self, values: NDArray) -> None:
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's stored entries, for solutions to come."""
         self._values = values
 
 
@@ -209,7 +200,8 @@ class ConjugateGradients(_KeepingValues):
         self._pattern, self._costs, self._tolerance = pattern, costs, tolerance
         self._mirror = pattern.mirror()
 
-    def _solution(self, right_side: NDArray) -> NDArray:
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
         values, (indptr, indices, sources) = self._values, self._mirror
         diagonal = values[self._pattern.diagonal]
         smallest = self._tolerance * float(np.linalg.norm(diagonal))
@@ -268,7 +260,8 @@ class Gmres(_KeepingValues):
     def __init__(self, pattern: SymmetricPattern, costs: Costs, tolerance: float = 1e-10) -> None:
         self._pattern, self._costs, self._tolerance = pattern, costs, tolerance
 
-    def _solution(self, right_side: NDArray) -> NDArray:
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
         size = self._pattern.size
         with self._costs.timed("solve"):
             solution, failed = sparse_linalg.gmres(

@@ -24,9 +24,9 @@ from .staggered import (
 )
 
 #: last moves that the inverse Jacobian learns from
-MEMORY = 20
-#: solutions that a factor serves before it is made anew, at the beginning of an increment and within one
-USES_BEFORE, USES_WITHIN = 10, 30
+MEMORY = 10
+#: iterations that the factors serve before they are made anew; each increment begins with its own
+LARGEST_USES = 30
 #: share of the phase field's tolerance that equilibrium may be off, in relative residual, as it is after such a change
 EQUILIBRIUM_SHARE = 0.1
 #: iterations after which an increment is left to the staggered scheme
@@ -141,11 +141,10 @@ class CoupledEquations:
         forces = residual[: self._equilibrium.size]
         return float(np.sqrt(np.einsum("n,n->", forces, forces)))
 
-    def renew_factors(self, most: int) -> None:
-        """Make the factors those of the trial state if they have served for ``most`` solutions."""
-        if max(self._equilibrium.solver.uses, self._equation.solver.uses) >= most:
-            self._equilibrium.solver.factorise(self.discretisation.tangent())
-            self._equation.solver.factorise(self._equation.matrix())
+    def factorise(self) -> None:
+        """Make the factors those of the trial state."""
+        self._equilibrium.solver.factorise(self.discretisation.tangent())
+        self._equation.solver.factorise(self._equation.matrix())
 
     def solve(self, residual: NDArray) -> NDArray:
         """Unknowns (n,) that the factors, of each equation by itself, give for a residual (n,)."""
@@ -161,7 +160,8 @@ def _minimised(equations: CoupledEquations, case: Case, give_up: Callable[[int],
     residual, scale = equations.residual(unknowns)
     for iteration in range(1, min(LARGEST_ITERATIONS, settings.largest_iterations) + 1):
         equations.discretisation.costs.begin_iteration()
-        equations.renew_factors(USES_WITHIN if moves else USES_BEFORE)
+        if iteration % LARGEST_USES == 1:
+            equations.factorise()
         step = -_inverse(equations, moves, residual)
         slope = float(np.einsum("n,n->", step, residual))
         before, change = change, float(np.abs(equations.phase_field(step)).max())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -101,8 +100,6 @@ class MaterialPoints:
         basis = self.basis
         if basis.find_points(self.state):
             self._use_cells(basis.active)
-        # a matrix of points at other places is another one where few of them see a node
-        self.equilibrium.solver.uses = math.inf
         if self.fracture:
             self.fracture.find_points(basis.active, basis.values)
         self._supports.springs.find_in_grid(basis, self.equilibrium.equations, self.equilibrium.size)

@@ -82,6 +82,8 @@ def _settled_verdict(case: Case) -> Saving:
 
 def _accelerated_staggering(case: Case) -> Saving:
     name, settings = "accelerated staggering", case.staggered
+    if settings.scheme == "bfgs" and case.fracture_enabled:
+        return Saving(name, False, "displacement and phase field are solved for together")
     if settings.scheme != "converged" or settings.acceleration == "none" or not case.fracture_enabled:
         return Saving(name, False, "the staggered scheme is not iterated, or plainly")
     reason = f"the next phase field is guessed from the last {settings.memory} iterations"
