@@ -30,7 +30,7 @@ LARGEST_USES = 30
 #: share of the phase field's tolerance that equilibrium may be off, in relative residual, as it is after such a change
 EQUILIBRIUM_SHARE = 0.1
 #: iterations after which an increment is left to the staggered scheme
-LARGEST_ITERATIONS = 200
+LARGEST_ITERATIONS = 500
 #: longest step, as a change of the phase field
 LONGEST_STEP = 0.5
 #: iterations between two questions whether to give up, which take a tenth of an iteration
