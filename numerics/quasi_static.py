@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -303,8 +304,10 @@ class _LoadPath:
             return TOO_FAR if too_far else ""
 
         try:
-            step = quasi_newton_step if case.staggered.scheme == "bfgs" else staggered_step
-            outcome = step(self.discretisation, case, load, give_up)
+            if case.staggered.scheme == "bfgs":
+                outcome = quasi_newton_step(cast(CoupledDiscretisation, self.discretisation), case, load, give_up)
+            else:
+                outcome = staggered_step(self.discretisation, case, load, give_up)
         except (NewtonError, LinearSolverError) as error:
             problem = GIVES_WAY if self._gives_way(load) else str(error)
             return StepOutcome("stalled", self.discretisation.history_field, 0), problem

@@ -1,4 +1,4 @@
-"""Displacement and phase field together by a quasi-Newton method: the staggered scheme's answer for few factorisations."""
+"""Displacement and phase field together, quasi-Newton: the answer of the staggered scheme for few factorisations."""
 
 import numba
 import numpy as np
