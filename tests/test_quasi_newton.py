@@ -49,9 +49,7 @@ def test_it_follows_the_curve_of_the_staggered_scheme_with_few_factorisations(va
     assert counted["factorisations"] < 5 * counted["increments"] < before.costs.count["factorisations"] / 2
 
 
-def test_an_increment_that_does_not_converge_is_left_to_the_staggered_scheme_and_counted(
-    variant, tmp_path, monkeypatch
-):
+def test_an_increment_that_does_not_converge_is_left_to_the_staggered_scheme_and_counted(variant, tmp_path, monkeypatch):
     monkeypatch.setattr("numerics.quasi_newton.LARGEST_ITERATIONS", 12)
     whole, left = (run(plate(variant, "fem", scheme), "fem", "standard", tmp_path / scheme, threads=1)
                    for scheme in ("converged", "bfgs"))  # fmt: skip
