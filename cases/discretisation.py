@@ -114,7 +114,8 @@ class Staggered(Table):
     Attributes
     ----------
     scheme : iterate until converged, or a fixed number of `passes` per increment (the thesis's N_staggs); dynamics has
-        passes only
+        passes only; "bfgs" solves for displacement and phase field together by a quasi-Newton method, to the same
+        tolerances, and leaves an increment that does not converge to the converged scheme
     tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall
     residual_tolerance : on the relative residual of equilibrium
     acceleration : of the converged scheme: "none" alternates plainly; "anderson" over-relaxes while the phase field
@@ -124,7 +125,7 @@ class Staggered(Table):
     irreversible : drive the phase field by the largest tensile energy ever met (Eq. 2.59), not by the present one
     """
 
-    scheme: Literal["converged", "passes"] = "converged"
+    scheme: Literal["converged", "passes", "bfgs"] = "converged"
     passes: Annotated[Whole, Field(ge=1, le=10_000)] = 1
     tolerance: Annotated[Number, Field(gt=0)] = 1e-4
     residual_tolerance: Annotated[Number, Field(gt=0)] = 1e-6

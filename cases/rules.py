@@ -101,6 +101,13 @@ def _acceleration_applies(case: CaseDescription) -> None:
         raise BrokenRuleError(text, remedy, "staggered.acceleration", settings.acceleration)
 
 
+def _schemes_apply(case: CaseDescription) -> None:
+    for name, material in case.materials.items():
+        if case.staggered.scheme == "bfgs" and material.fracture and material.fracture.functional == "AT1":
+            text = f"knows no bound c <= 1, as materials.{name}.fracture.functional = 'AT1' needs"
+            raise BrokenRuleError(text, 'give "converged"', "staggered.scheme", "bfgs")
+
+
 def _fits_statics(case: CaseDescription) -> None:
     moving = [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
     moving += [f"bodies.{name}.rigid" for name, body in case.bodies.items() if body.is_free_rigid]
@@ -109,6 +116,7 @@ def _fits_statics(case: CaseDescription) -> None:
         raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
     loads_fit_statics(case)
     _acceleration_applies(case)
+    _schemes_apply(case)
     driven = case.moved_by_load or case.loaded_by_factor or case.exact is not None
     if len(case.load.path) > 1 and not driven:
         remedy = (

@@ -122,7 +122,7 @@ class Grid:
         supports = self._supports()
         parted = np.array([slit.parted(*supports) for slit in self.inclined], bool).reshape(-1, self.n_nodes)
         cells = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"))
-        cut = parted[:, _of_cells(self.node_number, self.axes, *cells)].any(axis=-1)
+        cut: NDArray = np.any(parted[:, _of_cells(self.node_number, self.axes, *cells)], axis=-1)
         check_apart(case, cut)
         cut_by = np.where(cut.any(axis=0), cut.argmax(axis=0), -1) if len(cut) else np.full(self.shape, -1)
         above, doubled = np.arange(self.n_nodes), parted.any(axis=0)
@@ -176,7 +176,8 @@ class Grid:
     def points_at_tips(self, positions: NDArray) -> NDArray:
         """Indices of the points (n, 2) in the four cells around the tips of the slits."""
         chosen = np.zeros(len(positions), bool)
-        for tip in [tip for slit in (*self._slit_lines, *self.inclined) for tip in slit.tips]:
+        on_lines, inclined = ([tip for slit in slits for tip in slit.tips] for slits in (self._slit_lines, self.inclined))
+        for tip in on_lines + inclined:
             near = [
                 np.abs(axis.locate(positions[:, d]) - _line_index(axis.breakpoints, tip[d]) + 0.5) < 1.0
                 for d, axis in enumerate(self.axes)

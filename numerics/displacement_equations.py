@@ -27,7 +27,8 @@ class DisplacementEquations:
         self.equations, self.size = equations, size
         self.unknowns = (2 * cells[:, :, None] + np.arange(2)).reshape(len(cells), -1)
         self.pattern = SymmetricPattern(equations[self.unknowns], size, extra)
-        self._solver = linear_solver(self.pattern, costs, solver)
+        #: of the equations' matrix
+        self.solver = linear_solver(self.pattern, costs, solver)
         #: tangents and internal forces of the cells, to be filled by compiled loops
         self.local = LocalSystems.empty(*self.unknowns.shape)
 
@@ -56,4 +57,4 @@ class DisplacementEquations:
 
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
         """Solution (size,) for stored entries of the matrix."""
-        return self._solver.solve(values, right_side)
+        return self.solver.solve(values, right_side)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from contextlib import suppress
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -32,6 +34,12 @@ class LinearSolverError(RuntimeError):
 class LinearSolver(Protocol):
     """Solves K x = b for matrices that share one pattern."""
 
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's values (nnz,), for solutions to come."""
+
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
+
     def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
         """Solution (n,) for the pattern's values (nnz,) and the right side (n,)."""
 
@@ -55,7 +63,24 @@ class DirectSolver(LinearSolver, Protocol):
         """Solve for matrices of another pattern from now on."""
 
 
-class Pardiso:
+class _Keeping(ABC):
+    """A solver that keeps a matrix."""
+
+    @abstractmethod
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's stored entries, for solutions to come."""
+
+    @abstractmethod
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
+
+    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
+        self.factorise(values)
+        return self.solve_again(right_side)
+
+
+class Pardiso(_Keeping):
     """MKL PARDISO: one symbolic factorisation per pattern, Cholesky, or LDL^T where Cholesky breaks down."""
 
     POSITIVE_DEFINITE, INDEFINITE = 2, -2
@@ -83,15 +108,16 @@ class Pardiso:
             self._solver.free_memory(everything=True)
         self._pattern, self._analysed = pattern, False
 
-    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
-        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
-        matrix = self._pattern.upper(values)
-        try:
-            self._factorise_somehow(matrix)
-            with self._costs.timed("solve"):
-                return self._call(33, matrix, right_side)
-        except PyPardisoError as error:
-            raise LinearSolverError(f"PARDISO could not solve the system: {error}") from error
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's stored entries, for solutions to come."""
+        self._matrix = self._pattern.upper(values)
+        with _reported():
+            self._factorise_somehow(self._matrix)
+
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
+        with _reported(), self._costs.timed("solve"):
+            return self._call(33, self._matrix, right_side)
 
     def _factorise_somehow(self, matrix) -> None:
         try:
@@ -118,7 +144,15 @@ class Pardiso:
         return self._solver._call_pardiso(matrix, right_side.reshape(-1, 1)).reshape(-1)
 
 
-class SuperLU:
+@contextmanager
+def _reported() -> Iterator[None]:
+    try:
+        yield
+    except PyPardisoError as error:
+        raise LinearSolverError(f"PARDISO could not solve the system: {error}") from error
+
+
+class SuperLU(_Keeping):
     """SciPy's SuperLU, for platforms without MKL."""
 
     def __init__(self, pattern: Pattern, costs: Costs) -> None:
@@ -128,11 +162,11 @@ class SuperLU:
         """Solve for matrices of another pattern from now on."""
         self._pattern = pattern
 
-    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
-        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's stored entries, for solutions to come."""
         with self._costs.timed("factorisation"):
             try:
-                factor = sparse_linalg.splu(
+                self._factor = sparse_linalg.splu(
                     self._pattern.full(values).tocsc(),
                     permc_spec="MMD_AT_PLUS_A",
                     options={"SymmetricMode": True, "DiagPivotThresh": 0.001},
@@ -140,11 +174,22 @@ class SuperLU:
             except RuntimeError as error:
                 raise LinearSolverError(f"SuperLU could not factorise the matrix: {error}") from error
         self._costs.count["factorisations"] += 1
+
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
         with self._costs.timed("solve"):
-            return factor.solve(right_side)
+            return self._factor.solve(right_side)
 
 
-class ConjugateGradients:
+class _KeepingValues(_Keeping):
+    """A solver by iteration, which has nothing to factorise."""
+
+    def factorise(self, values: NDArray) -> None:
+        """Keep the matrix of the pattern's stored entries, for solutions to come."""
+        self._values = values
+
+
+class ConjugateGradients(_KeepingValues):
     """Conjugate gradients with the diagonal as preconditioner, for well-conditioned systems and small corrections.
 
     Stops when the residual is ``tolerance`` times the norm of the diagonal, that is, for unknowns of order one: a
@@ -155,9 +200,9 @@ class ConjugateGradients:
         self._pattern, self._costs, self._tolerance = pattern, costs, tolerance
         self._mirror = pattern.mirror()
 
-    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
-        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
-        indptr, indices, sources = self._mirror
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
+        values, (indptr, indices, sources) = self._values, self._mirror
         diagonal = values[self._pattern.diagonal]
         smallest = self._tolerance * float(np.linalg.norm(diagonal))
         full = values[sources]
@@ -209,18 +254,18 @@ def _dot(a, b):
     return total
 
 
-class Gmres:
+class Gmres(_KeepingValues):
     """GMRES without preconditioner and from a zero guess, as in thesis section 3.9.11."""
 
     def __init__(self, pattern: SymmetricPattern, costs: Costs, tolerance: float = 1e-10) -> None:
         self._pattern, self._costs, self._tolerance = pattern, costs, tolerance
 
-    def solve(self, values: NDArray, right_side: NDArray) -> NDArray:
-        """Solution (n,) for the stored entries of the upper half and a right side (n,)."""
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (n,) for the matrix that is kept and a right side (n,)."""
         size = self._pattern.size
         with self._costs.timed("solve"):
             solution, failed = sparse_linalg.gmres(
-                self._pattern.full(values),
+                self._pattern.full(self._values),
                 right_side,
                 rtol=self._tolerance,
                 restart=min(size, 500),

@@ -34,11 +34,15 @@ def load_ratio(load: float, before: float) -> float:
     return ratio if 0.0 < ratio <= LARGEST_SCALING else 1.0
 
 
-class Equilibrium(Protocol):
-    """Equations R(x) = 0 of the free displacement unknowns x."""
+class Residual(Protocol):
+    """Equations R(x) = 0."""
 
     def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
         """Residual (n,) and the force scale that it is judged against."""
+
+
+class Equilibrium(Residual, Protocol):
+    """Equations R(x) = 0 of the free displacement unknowns x."""
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Solution d (n,) of K(x) d = -R."""
@@ -65,20 +69,23 @@ def newton(system: Equilibrium, unknowns: NDArray, tolerance: float, finest: flo
             return unknowns
         costs.count["newton"] += 1
         step = system.correction(unknowns, residual)
-        unknowns, residual, scale = _search(system, unknowns, residual, step)
+        unknowns, residual, scale = search(system, unknowns, residual, step)
     raise NewtonError(f"no equilibrium in {LARGEST_ITERATIONS} iterations, residual {norm / scale:.1e} of the forces")
 
 
-def _search(
-    system: Equilibrium, unknowns: NDArray, residual: NDArray, step: NDArray
+def search(
+    system: Residual, unknowns: NDArray, residual: NDArray, step: NDArray
 ) -> tuple[NDArray, NDArray, float]:
-    """Go along the step until the energy's slope has fallen enough (regula falsi on step . R)."""
-    low, low_slope, high = 0.0, float(step @ residual), np.inf
+    """Go along the step until the energy's slope has fallen enough (regula falsi on step . R).
+
+    Returns unknowns, residual and force scale there; sums run in one order on any number of threads.
+    """
+    low, low_slope, high = 0.0, float(np.einsum("n,n->", step, residual)), np.inf
     length, enough = 1.0, SLOPE_SHARE * abs(low_slope)
     for _ in range(LARGEST_CUTS):
         tried = length
         trial, scale = system.residual(unknowns + tried * step)
-        slope = float(step @ trial)
+        slope = float(np.einsum("n,n->", step, trial))
         if abs(slope) <= enough or (slope < 0.0 and tried == 1.0):
             break
         if slope < 0.0:

@@ -52,35 +52,46 @@ class PhaseFieldEquation:
     cells : (n_cells, k) unknowns of each cell.
     free : (n_unknowns,) those to be solved for; the others keep their values.
     is_bounded : no unknown may be above 1, which equations without a restoring term do not see to by themselves.
+    guard : may change the stored entries of the matrix.
     """
 
-    def __init__(self, cells: NDArray, free: NDArray, costs: Costs, is_bounded: bool = False) -> None:
-        self._free, self._is_bounded = free, is_bounded
+    def __init__(
+        self,
+        cells: NDArray,
+        free: NDArray,
+        costs: Costs,
+        is_bounded: bool = False,
+        guard: Callable[[SymmetricPattern, NDArray], NDArray] = lambda pattern, values: values,
+    ) -> None:
+        self.free, self._is_bounded, self._guard = free, is_bounded, guard
         numbers = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
         self._equations = numbers[cells]
         self.size = int(free.sum())
         #: to be filled before `corrected`
         self.systems = LocalSystems.empty(*cells.shape)
         self._pattern = SymmetricPattern(self._equations, self.size)
-        self._solver = linear_solver(self._pattern, costs, "well_conditioned")
+        #: of the equations' matrix
+        self.solver = linear_solver(self._pattern, costs, "well_conditioned")
         costs.count["unknowns_phase_field"] = self.size
 
-    def corrected(
-        self, nodal: NDArray, guard: Callable[[SymmetricPattern, NDArray], NDArray] = lambda pattern, values: values
-    ) -> NDArray:
-        """Unknowns (n_unknowns,) that solve the cells' systems, which were made at ``nodal`` (n_unknowns,).
+    def residual(self) -> NDArray:
+        """Residual (size,) of the cells' systems."""
+        return -gather_vector(self._equations, self.systems.vectors, self.size)
 
-        ``guard`` may change the stored entries of the matrix.
-        """
-        right_side = gather_vector(self._equations, self.systems.vectors, self.size)
-        values = guard(self._pattern, self._pattern.gather(self.systems.matrices))
+    def matrix(self) -> NDArray:
+        """Stored entries of the matrix of the cells' systems."""
+        return self._guard(self._pattern, self._pattern.gather(self.systems.matrices))
+
+    def corrected(self, nodal: NDArray) -> NDArray:
+        """Unknowns (n_unknowns,) that solve the cells' systems, which were made at ``nodal`` (n_unknowns,)."""
+        right_side, values = -self.residual(), self.matrix()
         corrected = nodal.copy()
         if (np.abs(right_side) <= AT_BALANCE * values[self._pattern.diagonal]).all():
             return corrected
         if self._is_bounded:
-            corrected[self._free] += self._bounded_correction(values, right_side, 1.0 - nodal[self._free])
+            corrected[self.free] += self._bounded_correction(values, right_side, 1.0 - nodal[self.free])
         else:
-            corrected[self._free] += self._solver.solve(values, right_side)
+            corrected[self.free] += self.solver.solve(values, right_side)
         return corrected
 
     def _bounded_correction(self, values: NDArray, right_side: NDArray, room: NDArray) -> NDArray:
@@ -97,7 +108,7 @@ class PhaseFieldEquation:
             correction = np.where(held, room, 0.0)
             rest = np.where(held, 0.0, right_side - matrix @ correction)
             apart = np.where((held[rows] | held[columns]) & (rows != columns), 0.0, values)
-            correction += self._solver.solve(apart, rest)
+            correction += self.solver.solve(apart, rest)
             push = right_side - matrix @ correction
             held, before = np.where(held, push > -AT_BALANCE * stiffness, correction > room + AT_BALANCE), held
             if np.array_equal(held, before):

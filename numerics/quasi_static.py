@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from .conjugates import AT_START, MarchState, conjugate_force, gives_way, noted,
 from .costs import OutOfTimeError
 from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
+from .quasi_newton import CoupledDiscretisation, quasi_newton_step
 from .refinement import FollowingDiscretisation
 from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, staggered_step
 from .status import RunStatus
@@ -131,7 +133,7 @@ class _Limits:
         return cls(
             length=length,
             digits=12 - int(np.ceil(np.log10(length))),
-            adaptive=case.load.adaptive and case.staggered.scheme == "converged",
+            adaptive=case.load.adaptive and case.staggered.scheme != "passes",
             energy=case.load.largest_advance * case.plane.thickness * min(advances, default=np.inf),
         )
 
@@ -302,7 +304,10 @@ class _LoadPath:
             return TOO_FAR if too_far else ""
 
         try:
-            outcome = staggered_step(self.discretisation, case, load, give_up)
+            if case.staggered.scheme == "bfgs":
+                outcome = quasi_newton_step(cast(CoupledDiscretisation, self.discretisation), case, load, give_up)
+            else:
+                outcome = staggered_step(self.discretisation, case, load, give_up)
         except (NewtonError, LinearSolverError) as error:
             problem = GIVES_WAY if self._gives_way(load) else str(error)
             return StepOutcome("stalled", self.discretisation.history_field, 0), problem

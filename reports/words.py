@@ -39,6 +39,7 @@ LEVELS = {
     "length_scale": ("length scale l0", "length"),
     "increment": ("load increment", "load"),
     "passes": ("passes per increment", ""),
+    "scheme": ("scheme of an increment", ""),
     "tolerance": ("tolerance of the staggered scheme", ""),
     "u": ("displacement reached", "load"),
     "run": ("run", ""),

@@ -46,7 +46,7 @@ class MeshPhaseField:
             self._smooth = smooth = SmoothBasis.of(case, basis, materials.curvature[basis.body])
             self._forms, self._smooth_values = smooth.forms(basis.volume), smooth.values(self._elements)
             cells, free, self._first = self._smooth_values.unknowns, smooth.spread(free), smooth.spread(self._first)
-        self._equation = PhaseFieldEquation(cells, free, costs, bool(materials.is_linear.any()))
+        self.equation = PhaseFieldEquation(cells, free, costs, bool(materials.is_linear.any()))
 
     def measure_on(self, slope: NDArray, volume: NDArray) -> None:
         """Take slopes (n_el, n_gauss, k, 2) and volumes (n_el, n_gauss) of the mesh as it stands."""
@@ -56,9 +56,10 @@ class MeshPhaseField:
         """Unknowns (n_unknowns,) of whole material with what is prescribed."""
         return self._first.copy()
 
-    def solve(self, history_field: NDArray, nodal: NDArray) -> NDArray:
-        """Unknowns (n_unknowns,) for a history field (n_el, n_gauss), Eq. 4.16, from those before."""
-        coefficients, systems = self._coefficients, self._equation.systems
+    def assemble(self, history_field: NDArray, nodal: NDArray) -> None:
+        """Fill the equation's systems for a history field (n_points,) at unknowns (n_unknowns,), Eq. 4.16."""
+        history_field = history_field.reshape(-1, self._values.volume.shape[1])
+        coefficients, systems = self._coefficients, self.equation.systems
         columns = coefficients.resistance, coefficients.diffusion, coefficients.bending
         reaction = coefficients.reaction(history_field[self._elements])
         terms = PhaseFieldTerms(reaction, *(column[:, 0] for column in columns))
@@ -66,7 +67,6 @@ class MeshPhaseField:
             fourth_order_systems(self._smooth_values, self._forms, self._values.volume, terms, nodal, *systems)
         else:
             phase_field_systems(self._values, terms, nodal, *systems)
-        return self._equation.corrected(nodal)
 
     def map(self, nodal: NDArray, at_points: ScalarAtPoints) -> None:
         """Fill in the values at the Gauss points (n_el, n_gauss) of the elements that can break."""

@@ -136,20 +136,20 @@ class FiniteElements:
         materials = MaterialTable(case)
         self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))
         self._law = materials.law, basis.body.astype(np.uint32)
-        self._equilibrium = MeshEquilibrium(case, basis, self.costs)
-        constraints, breaks = self._equilibrium.constraints, bool(materials.breakable.any())
+        self.equilibrium = MeshEquilibrium(case, basis, self.costs)
+        constraints, breaks = self.equilibrium.constraints, bool(materials.breakable.any())
         _check_built(case, basis, constraints)
-        self._fracture = MeshPhaseField(case, basis, materials, constraints, self.costs) if breaks else None
+        self.fracture = MeshPhaseField(case, basis, materials, constraints, self.costs) if breaks else None
         self._eigenstrain = EigenstrainAtPoints(case, materials, basis.body[:, None])
-        self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
+        self._held_back = Acts(*(self.equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
         coefficients = PhaseFieldCoefficients(materials, basis.body[:, None])
         self._residual_stiffness = coefficients.residual_stiffness
-        self.committed = CommittedState.first(case, basis, coefficients, self._fracture)
+        self.committed = CommittedState.first(case, basis, coefficients, self.fracture)
         self.trial = TrialState.of(self.committed)
         gradient = self.committed.gradient
         self.geometry = Geometry.of(case, basis.slope, basis.volume, self.committed.displacement, gradient)
         self.costs.count.update(
-            unknowns_displacement=self._equilibrium.size,
+            unknowns_displacement=self.equilibrium.size,
             unknowns_phase_field=0,
             points=basis.volume.size,
             cells=len(basis.elements),
@@ -160,8 +160,7 @@ class FiniteElements:
     def warm_up(self) -> None:
         """Compile every kernel, so that the clock times the work alone."""
         self.solve_phase_field(self.history_field)
-        self._degrade()
-        unknowns = np.zeros(self._equilibrium.size)
+        unknowns = np.zeros(self.equilibrium.size)
         self.correction(unknowns, self.residual(unknowns)[0])
         self.costs.forget()
 
@@ -198,48 +197,52 @@ class FiniteElements:
             raise NewtonError(f"element {element} has turned inside out")
         slope, volume = basis.slope @ np.linalg.inv(deformation), basis.volume * stretch
         self.geometry = Geometry.of(self.case, slope, volume, committed.displacement, committed.gradient)
-        if self._fracture:
-            self._fracture.measure_on(slope, volume)
+        if self.fracture:
+            self.fracture.measure_on(slope, volume)
 
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field at the Gauss points for a history field (n_points,), Eq. 4.16."""
-        if not self._fracture:
+        if not self.fracture:
             return self.phase_field
         with self.costs.timed("phase_field"):
-            history_field = history_field.reshape(self.geometry.volume.shape)
-            return self.set_phase_field(self._fracture.solve(history_field, self.trial.nodal_phase_field))
+            self.fracture.assemble(history_field, self.trial.nodal_phase_field)
+            return self.set_phase_field(self.fracture.equation.corrected(self.trial.nodal_phase_field))
 
     def set_phase_field(self, nodal: NDArray) -> NDArray:
         """Phase field at the Gauss points for given unknowns (n_unknowns,)."""
         self.trial.nodal_phase_field = nodal
-        if self._fracture:
-            self._fracture.map(nodal, self.trial.at_points)
-        return self.phase_field.copy()
-
-    def _degrade(self) -> None:
+        if self.fracture:
+            self.fracture.map(nodal, self.trial.at_points)
         self.trial.degradation = degradation(self.trial.at_points.value, self._residual_stiffness)
+        return self.phase_field.copy()
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
+        newton(self, self.go_to(load), tolerance, self.case.staggered.residual_tolerance, self.costs)
+        return self.tensile_energy()
+
+    def go_to(self, load: float) -> NDArray:
+        """Prescribe what a load does; unknowns (n,) of the displacement to begin with."""
         trial = self.trial
         if load != trial.load:
             trial.displacement *= load_ratio(load, trial.load)
             trial.load = load
-        self._degrade()
-        self._equilibrium.prescribe(trial.displacement, load)
-        start = self._equilibrium.unknowns_of(trial.displacement)
-        newton(self, start, tolerance, self.case.staggered.residual_tolerance, self.costs)
-        return trial.energy[..., 0].ravel().copy()
+        self.equilibrium.prescribe(trial.displacement, load)
+        return self.equilibrium.unknowns_of(trial.displacement)
+
+    def tensile_energy(self) -> NDArray:
+        """Tensile energy density (n_points,) of the trial state [stress]."""
+        return self.trial.energy[..., 0].ravel().copy()
 
     def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
         """Out-of-balance forces of the free unknowns and the scale of the forces."""
         with self.costs.timed("assembly"):
             trial = self.trial
-            self._equilibrium.spread(unknowns, trial.displacement)
+            self.equilibrium.spread(unknowns, trial.displacement)
             self._evaluate_forces()
-            trial.nodal_forces, applied = self._equilibrium.nodal_forces(trial.load, trial.displacement)
+            trial.nodal_forces, applied = self.equilibrium.nodal_forces(trial.load, trial.displacement)
             trial.applied = applied + self._held_back.at(abs(trial.load))
-            return self._equilibrium.residual(trial.nodal_forces), max(self.committed.force_scale, trial.applied)
+            return self.equilibrium.residual(trial.nodal_forces), max(self.committed.force_scale, trial.applied)
 
     def _evaluate_forces(self) -> None:
         trial, geometry = self.trial, self.geometry
@@ -249,20 +252,23 @@ class FiniteElements:
         elastic = self._eigenstrain.elastic(trial.gradient, trial.load)
         kernels.internal_forces(
             geometry.slope, geometry.dilation, geometry.volume, elastic, trial.degradation, *self._law,
-            self._equilibrium.local.vectors, trial.stress, trial.energy,
+            self.equilibrium.local.vectors, trial.stress, trial.energy,
         )  # fmt: skip
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
-        """Newton step -K^-1 R with the consistent tangent (Eq. 3.59)."""
+        """Newton step -K^-1 R."""
+        return self.equilibrium.solve(self.tangent(), -residual)
+
+    def tangent(self) -> NDArray:
+        """Stored entries of the consistent tangent K of the trial state (Eq. 3.59)."""
         with self.costs.timed("assembly"):
             stiffness = np.maximum(self.trial.degradation, TORN_STIFFNESS)
             geometry, elastic = self.geometry, self._eigenstrain.elastic(self.trial.gradient, self.trial.load)
             kernels.tangents(
                 geometry.slope, geometry.dilation, geometry.volume, elastic, stiffness, *self._law,
-                self._equilibrium.local.matrices,
+                self.equilibrium.local.matrices,
             )  # fmt: skip
-            values = self._equilibrium.tangent_at(self.trial.displacement)
-        return self._equilibrium.solve(values, -residual)
+            return self.equilibrium.tangent_at(self.trial.displacement)
 
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state."""
@@ -281,7 +287,6 @@ class FiniteElements:
         trial, committed = self.trial, self.committed
         trial.displacement[:], trial.load = committed.displacement, committed.load
         self.set_phase_field(committed.nodal_phase_field)
-        self._degrade()
         self._evaluate_forces()
 
     def checkpoint(self) -> dict[str, NDArray]:
@@ -318,19 +323,19 @@ class FiniteElements:
 
     def reaction_force(self, towards: float) -> float:
         """Force conjugate to the load parameter on its way, from the residual at the prescribed unknowns."""
-        rates = self._equilibrium.constraints.prescribed_rates(self.trial.load, towards)
+        rates = self.equilibrium.constraints.prescribed_rates(self.trial.load, towards)
         return float(self.trial.nodal_forces @ rates)
 
     def work_of_loads(self) -> LoadWork:
         """Of tractions, body forces and eigenstrains since the last committed state."""
         moved = (self.trial.displacement - self.committed.displacement).reshape(-1)
-        constant, following = (float(forces @ moved) for forces in self._equilibrium.external)
+        constant, following = (float(forces @ moved) for forces in self.equilibrium.external)
         return LoadWork(constant, following, self._eigenstrain.heat(self.trial.stress, self.geometry.volume))
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""
         elastic = float((self.energy_density * self.geometry.volume).sum())
-        return elastic, self._fracture.energy(self.trial.at_points) if self._fracture else 0.0
+        return elastic, self.fracture.energy(self.trial.at_points) if self.fracture else 0.0
 
     @property
     def energy_density(self) -> NDArray:
@@ -358,13 +363,13 @@ class FiniteElements:
             grid_points=basis.nodes,
             grid_cells=basis.elements,
             grid_displacement=trial.displacement.copy(),
-            grid_phase_field=self._fracture.at_nodes(nodal) if self._fracture else nodal.copy(),
+            grid_phase_field=self.fracture.at_nodes(nodal) if self.fracture else nodal.copy(),
         )
 
     def measures(self) -> dict[str, float]:
         """Least quality of the moved elements, and errors against the exact solution where the case has one."""
         quality = float(scaled_jacobian(self.basis.nodes + self.trial.displacement, self.basis.elements).min())
-        lengths = loaded_lengths(edge.length for edge in self._equilibrium.loaded_edges)
+        lengths = loaded_lengths(edge.length for edge in self.equilibrium.loaded_edges)
         return exact_errors(self.case, self.fields(), self.trial.load) | {"element_quality": quality} | lengths
 
 

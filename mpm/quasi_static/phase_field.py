@@ -55,29 +55,30 @@ class GridPhaseField:
         """Number the unknowns of the nodes in use."""
         free = np.zeros(len(self._held), bool)
         free[active.cells.nodes[active.near_breaking]] = True
-        self._equation = PhaseFieldEquation(active.cells.nodes, free & ~self._held, self._costs, self._is_bounded)
+        # cells of the pattern that hold no points leave empty rows
+        self.equation = PhaseFieldEquation(
+            active.cells.nodes, free & ~self._held, self._costs, self._is_bounded, keep_barely_seen
+        )
 
-    def find_points(self, active: ActiveGrid) -> None:
+    def find_points(self, active: ActiveGrid, basis: BasisValues) -> None:
         """Take the points of each cell that can break."""
-        self._cells = active.cells.only(self._breaking)
+        self._cells, self._basis = active.cells.only(self._breaking), basis
 
-    def solve(self, history_field: NDArray, nodal: NDArray, basis: BasisValues) -> NDArray:
-        """Values (n_nodes,) for a history field (n_points,), Eq. 4.16, from those before."""
-        coefficients, systems = self._coefficients, self._equation.systems
+    def assemble(self, history_field: NDArray, nodal: NDArray) -> None:
+        """Fill the equation's systems for a history field (n_points,) at values (n_nodes,), Eq. 4.16."""
+        coefficients, systems = self._coefficients, self.equation.systems
         terms = PhaseFieldTerms(
             coefficients.reaction(history_field), coefficients.resistance, coefficients.diffusion, coefficients.bending
         )
-        kernels.phase_field_systems(self._cells, basis, terms, nodal, *systems)
+        kernels.phase_field_systems(self._cells, self._basis, terms, nodal, *systems)
         if self._fourth_order:
-            kernels.add_curvature_terms(self._cells, basis, terms, nodal, *systems)
-        # cells of the pattern that hold no points leave empty rows
-        return self._equation.corrected(nodal, keep_barely_seen)
+            kernels.add_curvature_terms(self._cells, self._basis, terms, nodal, *systems)
 
-    def map(self, nodal: NDArray, basis: BasisValues, at_points: ScalarAtPoints) -> None:
+    def map(self, nodal: NDArray, at_points: ScalarAtPoints) -> None:
         """Fill in the values at the points."""
-        kernels.scalar_at_points(self._cells, basis, nodal, at_points.value, at_points.slope_squared)
+        kernels.scalar_at_points(self._cells, self._basis, nodal, at_points.value, at_points.slope_squared)
         if self._fourth_order:
-            kernels.curvature_at_points(self._cells, basis, nodal, at_points.curvature_squared)
+            kernels.curvature_at_points(self._cells, self._basis, nodal, at_points.curvature_squared)
         for values, whole in zip(at_points, (1.0, 0.0, 0.0), strict=True):
             values[~self._breaking] = whole
 

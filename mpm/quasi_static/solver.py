@@ -46,7 +46,7 @@ class MaterialPoints:
         self._law = materials.law, cloud.body.astype(np.uint32)
         self.basis = PointBasis(case, grid, cloud, materials)
         breaks = bool(materials.breakable.any())
-        self._fracture = GridPhaseField(case, grid, materials, cloud.body, self.costs) if breaks else None
+        self.fracture = GridPhaseField(case, grid, materials, cloud.body, self.costs) if breaks else None
         self._supports = Supports(
             node_motions(case, grid), point_penalty(case, cloud, materials), closing_faces(case, grid, materials)
         )
@@ -58,7 +58,7 @@ class MaterialPoints:
         self.state = PointState.first(
             cloud.positions,
             initial_history(case, cloud.positions, coefficients.toughness, coefficients.length_scale),
-            self._fracture.first() if self._fracture else np.ones(grid.n_nodes),
+            self.fracture.first() if self.fracture else np.ones(grid.n_nodes),
             (len(self._supports.springs.places), self._supports.springs.n_tied),
             case.load.path[0],
         )
@@ -69,8 +69,7 @@ class MaterialPoints:
         """Compile every kernel, so that the clock times the work alone."""
         self.begin_step()
         self.solve_phase_field(self.history_field)
-        self._degrade()
-        unknowns = np.zeros(self._equilibrium.size)
+        unknowns = np.zeros(self.equilibrium.size)
         self.correction(unknowns, self.residual(unknowns)[0])
         self.costs.forget()
 
@@ -101,52 +100,57 @@ class MaterialPoints:
         basis = self.basis
         if basis.find_points(self.state):
             self._use_cells(basis.active)
-        if self._fracture:
-            self._fracture.find_points(basis.active)
-        self._supports.springs.find_in_grid(basis, self._equilibrium.equations, self._equilibrium.size)
-        self._external = self._loads.on_nodes(basis, self._equilibrium, self.state.positions)
-        self._held_back = Acts(*(self._equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
+        if self.fracture:
+            self.fracture.find_points(basis.active, basis.values)
+        self._supports.springs.find_in_grid(basis, self.equilibrium.equations, self.equilibrium.size)
+        self._external = self._loads.on_nodes(basis, self.equilibrium, self.state.positions)
+        self._held_back = Acts(*(self.equilibrium.norm_of_forces(basis, stress) for stress in self._eigenstrain.stress))
         self.costs.count["active_cells"] = int(np.count_nonzero(basis.active.counts))
 
     def _use_cells(self, active: ActiveGrid) -> None:
         """Number the equations of the cells in use."""
-        self._equilibrium = GridEquilibrium(self.case, active, self._supports, self.costs)
-        if self._fracture:
-            self._fracture.use_cells(active)
+        self.equilibrium = GridEquilibrium(self.case, active, self._supports, self.costs)
+        if self.fracture:
+            self.fracture.use_cells(active)
 
     def solve_phase_field(self, history_field: NDArray) -> NDArray:
         """Phase field at the points for a history field (n_points,), Eq. 4.16."""
-        if not self._fracture:
+        if not self.fracture:
             return self.phase_field
         with self.costs.timed("phase_field"):
-            nodal = self._fracture.solve(history_field, self.trial.nodal_phase_field, self.basis.values)
-            return self.set_phase_field(nodal)
+            self.fracture.assemble(history_field, self.trial.nodal_phase_field)
+            return self.set_phase_field(self.fracture.equation.corrected(self.trial.nodal_phase_field))
 
     def set_phase_field(self, nodal: NDArray) -> NDArray:
         """Phase field at the points for one at the grid's nodes (n_nodes,)."""
         self.trial.nodal_phase_field = nodal
-        if self._fracture:
-            self._fracture.map(nodal, self.basis.values, self.trial.at_points)
-        return self.phase_field.copy()
-
-    def _degrade(self) -> None:
+        if self.fracture:
+            self.fracture.map(nodal, self.trial.at_points)
         self.trial.degradation = degradation(self.trial.at_points.value, self._residual_stiffness)
+        return self.phase_field.copy()
 
     def solve_displacement(self, load: float, tolerance: float) -> NDArray:
         """Tensile energy density (n_points,) in equilibrium at the load, Eq. 4.18."""
+        newton(self, self.go_to(load), tolerance, self.case.staggered.residual_tolerance, self.costs)
+        return self.tensile_energy()
+
+    def go_to(self, load: float) -> NDArray:
+        """Prescribe what a load does; unknowns (n,) of the displacement to begin with."""
         trial = self.trial
         trial.go_to(load, self.state.so_far)
-        self._degrade()
         self._supports.nodes.prescribe(trial.increment, load, self.state.load)
-        start = self._equilibrium.unknowns_of(trial.increment)
-        start[self._equilibrium.tied] = trial.tied
-        newton(self, start, tolerance, self.case.staggered.residual_tolerance, self.costs)
-        return trial.energy[:, 0].copy()
+        start = self.equilibrium.unknowns_of(trial.increment)
+        start[self.equilibrium.tied] = trial.tied
+        return start
+
+    def tensile_energy(self) -> NDArray:
+        """Tensile energy density (n_points,) of the trial state [stress]."""
+        return self.trial.energy[:, 0].copy()
 
     def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
         """Out-of-balance forces of the free unknowns and the scale of the forces."""
         with self.costs.timed("assembly"):
-            trial, equilibrium = self.trial, self._equilibrium
+            trial, equilibrium = self.trial, self.equilibrium
             equilibrium.spread(unknowns, trial.increment)
             trial.tied = unknowns[equilibrium.tied].copy()
             self._evaluate_stresses()
@@ -172,29 +176,27 @@ class MaterialPoints:
 
     def correction(self, unknowns: NDArray, residual: NDArray) -> NDArray:
         """Newton step -K^-1 R."""
-        with self.costs.timed("assembly"):
-            values = self._tangent()
-        return self._equilibrium.solve(values, -residual)
+        return self.equilibrium.solve(self.tangent(), -residual)
 
-    def _tangent(self) -> NDArray:
+    def tangent(self) -> NDArray:
         """Stored entries of the consistent tangent K of the trial state (Eqs. 3.59, A.6)."""
-        trial, basis = self.trial, self.basis
-        stiffness = np.maximum(trial.degradation, TORN_STIFFNESS)
-        local = self._equilibrium.local.matrices
-        elastic = self._eigenstrain.elastic(trial.gradient, trial.load)
-        kernels.tangents(basis.active.cells, basis.values, elastic, stiffness, *self._law, local)
-        values = self._equilibrium.tangent()
-        pattern, equations = self._equilibrium.pattern, self._equilibrium.equations
-        self._supports.springs.add_stiffness(pattern, values)
-        self._supports.faces.add_stiffness(pattern, values, equations, self.state.so_far + trial.increment)
-        return values
+        with self.costs.timed("assembly"):
+            trial, basis, equilibrium = self.trial, self.basis, self.equilibrium
+            stiffness = np.maximum(trial.degradation, TORN_STIFFNESS)
+            elastic = self._eigenstrain.elastic(trial.gradient, trial.load)
+            local = equilibrium.local.matrices
+            kernels.tangents(basis.active.cells, basis.values, elastic, stiffness, *self._law, local)
+            values, moved = equilibrium.tangent(), self.state.so_far + trial.increment
+            self._supports.springs.add_stiffness(equilibrium.pattern, values)
+            self._supports.faces.add_stiffness(equilibrium.pattern, values, equilibrium.equations, moved)
+            return values
 
     def first_stiffness(self) -> csr_matrix:
         """Stiffness (n, n) [force/length] of the whole, unloaded body with its constraints, where points see the grid."""
         self.begin_step()
         self.trial.degradation = np.ones(len(self.phase_field))
-        self.residual(np.zeros(self._equilibrium.size))
-        return self._equilibrium.seen_part(self._tangent(), self.basis.active.cells.cell)
+        self.residual(np.zeros(self.equilibrium.size))
+        return self.equilibrium.seen_part(self.tangent(), self.basis.active.cells.cell)
 
     def commit(self, history_field: NDArray) -> None:
         """Make the trial state the state and carry the points with it."""
@@ -215,7 +217,6 @@ class MaterialPoints:
         trial.increment[:] = 0.0
         trial.tied, trial.load = state.tied.copy(), state.load
         self.set_phase_field(state.nodal_phase_field)
-        self._degrade()
         self._evaluate_stresses()
 
     def checkpoint(self) -> dict[str, NDArray]:
@@ -263,7 +264,7 @@ class MaterialPoints:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""
         volume = self.basis.values.volume
         elastic = float(self.energy_density @ volume)
-        return elastic, self._fracture.energy(self.trial.at_points, volume) if self._fracture else 0.0
+        return elastic, self.fracture.energy(self.trial.at_points, volume) if self.fracture else 0.0
 
     @property
     def energy_density(self) -> NDArray:

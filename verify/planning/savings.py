@@ -57,7 +57,7 @@ def _graded_grid(case: Case) -> Saving:
 
 def _adaptive_increments(case: Case) -> Saving:
     name, load = "adaptive increments", case.load
-    if len(load.path) < 2 or not load.adaptive or case.staggered.scheme != "converged" or not case.fracture_enabled:
+    if len(load.path) < 2 or not load.adaptive or case.staggered.scheme == "passes" or not case.fracture_enabled:
         return Saving(name, False, f"increments are constant, {load.increment:g}")
     reason = f"increments of {load.increment:g} while nothing breaks, down to {load.smallest:g} where it does"
     constant = {"adaptive": False, "increment": load.smallest, "control": "displacement"}
@@ -82,6 +82,8 @@ def _settled_verdict(case: Case) -> Saving:
 
 def _accelerated_staggering(case: Case) -> Saving:
     name, settings = "accelerated staggering", case.staggered
+    if settings.scheme == "bfgs" and case.fracture_enabled:
+        return Saving(name, False, "displacement and phase field are solved for together")
     if settings.scheme != "converged" or settings.acceleration == "none" or not case.fracture_enabled:
         return Saving(name, False, "the staggered scheme is not iterated, or plainly")
     reason = f"the next phase field is guessed from the last {settings.memory} iterations"

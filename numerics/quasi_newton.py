@@ -1,0 +1,194 @@
+"""Displacement and phase field together, by a quasi-Newton method whose factors serve many iterations."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cases import Case
+
+from .displacement_equations import DisplacementEquations
+from .newton import search
+from .phase_field_equation import PhaseFieldEquation
+from .staggered import (
+    NewtonError,
+    QuasiStaticDiscretisation,
+    StepOutcome,
+    remaining_distance,
+    staggered_step,
+    updated_history,
+)
+
+#: last moves that the inverse Jacobian learns from
+MEMORY = 10
+#: iterations that the factors serve before they are made anew; each increment begins with its own
+LARGEST_USES = 30
+#: share of the phase field's tolerance that equilibrium may be off, in relative residual, as it is after such a change
+EQUILIBRIUM_SHARE = 0.1
+#: iterations after which an increment is left to the staggered scheme
+LARGEST_ITERATIONS = 500
+#: longest step, as a change of the phase field
+LONGEST_STEP = 0.5
+#: iterations between two questions whether to give up, which take a tenth of an iteration
+ITERATIONS_BETWEEN = 5
+#: a move teaches nothing whose residual's change along it is less than this share of the first slope
+SMALLEST_CURVATURE = 1e-8
+
+
+class Fracture(Protocol):
+    """The phase field of a discretisation."""
+
+    equation: PhaseFieldEquation
+
+    def assemble(self, history_field: NDArray, nodal: NDArray) -> None:
+        """Fill the equation's systems for a history field (n_points,) at unknowns (n_nodes,)."""
+
+
+class CoupledDiscretisation(QuasiStaticDiscretisation, Protocol):
+    """What a solver offers beyond the staggered scheme."""
+
+    equilibrium: DisplacementEquations
+    #: None where nothing can break
+    fracture: Fracture | None
+
+    def go_to(self, load: float) -> NDArray:
+        """Prescribe what a load does; unknowns (n,) of the displacement to begin with."""
+
+    def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
+        """Out-of-balance forces (n,) for the trial phase field and the scale of the forces."""
+
+    def tangent(self) -> NDArray:
+        """Stored entries of the displacement's matrix at the trial state."""
+
+    def tensile_energy(self) -> NDArray:
+        """Tensile energy density (n_points,) of the trial state [stress]."""
+
+
+class Move(NamedTuple):
+    """A move of the unknowns (n,), the change of the residual (n,) over it, and their product."""
+
+    step: NDArray
+    change: NDArray
+    product: float
+
+
+def quasi_newton_step(
+    discretisation: CoupledDiscretisation,
+    case: Case,
+    load: float,
+    give_up: Callable[[int], str] = lambda iteration: "",
+) -> StepOutcome:
+    """Solve one increment by L-BFGS (Wu, Huang and Nguyen 2020, doi 10.1016/j.cma.2019.112704; Nocedal 1980).
+
+    The arguments are those of `staggered_step`, to which an increment is left, and counted, that does not converge.
+    """
+    if discretisation.fracture is None:
+        return staggered_step(discretisation, case, load, give_up)
+    discretisation.begin_step()
+    try:
+        outcome = _minimised(CoupledEquations(discretisation, case, load), case, give_up)
+    except NewtonError:
+        outcome = None
+    if outcome is not None:
+        return outcome
+    discretisation.costs.count["left_to_staggering"] += 1
+    discretisation.undo()
+    return staggered_step(discretisation, case, load, give_up)
+
+
+class CoupledEquations:
+    """Equations R(x) = 0 of the free unknowns of the displacement and, behind them, of the phase field.
+
+    Both residuals are derivatives of one energy but where the history field is above the present tensile energy.
+    """
+
+    def __init__(self, discretisation: CoupledDiscretisation, case: Case, load: float) -> None:
+        assert discretisation.fracture is not None
+        self.discretisation, self._case, self._fracture = discretisation, case, discretisation.fracture
+        self._equation, self._equilibrium = self._fracture.equation, discretisation.equilibrium
+        self._committed = self.history_field = discretisation.history_field
+        displacement = discretisation.go_to(load)
+        self.start = np.concatenate([displacement, discretisation.nodal_phase_field[self._equation.free]])
+
+    def phase_field(self, unknowns: NDArray) -> NDArray:
+        """The part of the phase field of unknowns (n,), or of residuals."""
+        return unknowns[self._equilibrium.size :]
+
+    def residual(self, unknowns: NDArray) -> tuple[NDArray, float]:
+        """Residual (n,) and the scale of the forces; the trial state becomes that of the unknowns (n,).
+
+        Raises NewtonError where it is not finite.
+        """
+        discretisation = self.discretisation
+        nodal = discretisation.nodal_phase_field.copy()
+        nodal[self._equation.free] = self.phase_field(unknowns)
+        discretisation.set_phase_field(nodal)
+        forces, scale = discretisation.residual(unknowns[: self._equilibrium.size])
+        self.history_field = updated_history(self._case, self._committed, discretisation.tensile_energy())
+        with discretisation.costs.timed("phase_field"):
+            self._fracture.assemble(self.history_field, nodal)
+            residual = np.concatenate([forces, self._equation.residual()])
+        if not np.isfinite(residual).all():
+            raise NewtonError("the quasi-Newton iteration met a value that is not finite")
+        return residual, scale
+
+    def imbalance(self, residual: NDArray) -> float:
+        """Norm of the forces out of balance."""
+        forces = residual[: self._equilibrium.size]
+        return float(np.sqrt(np.einsum("n,n->", forces, forces)))
+
+    def factorise(self) -> None:
+        """Make the factors those of the trial state."""
+        self._equilibrium.solver.factorise(self.discretisation.tangent())
+        self._equation.solver.factorise(self._equation.matrix())
+
+    def solve(self, residual: NDArray) -> NDArray:
+        """Unknowns (n,) that the factors, of each equation by itself, give for a residual (n,)."""
+        displacement = self._equilibrium.solver.solve_again(residual[: self._equilibrium.size])
+        return np.concatenate([displacement, self._equation.solver.solve_again(self.phase_field(residual))])
+
+
+def _minimised(equations: CoupledEquations, case: Case, give_up: Callable[[int], str]) -> StepOutcome | None:
+    """The outcome of the iteration, None where it does not converge; raises NewtonError where it leaves all bounds."""
+    settings, moves = case.staggered, deque[Move](maxlen=MEMORY)
+    balance = max(10.0 * settings.residual_tolerance, EQUILIBRIUM_SHARE * settings.tolerance)
+    unknowns, change = equations.start, np.inf
+    residual, scale = equations.residual(unknowns)
+    for iteration in range(1, min(LARGEST_ITERATIONS, settings.largest_iterations) + 1):
+        equations.discretisation.costs.begin_iteration()
+        if iteration % LARGEST_USES == 1:
+            equations.factorise()
+        step = -_inverse(equations, moves, residual)
+        slope = float(np.einsum("n,n->", step, residual))
+        before, change = change, float(np.abs(equations.phase_field(step)).max())
+        if equations.imbalance(residual) <= balance * scale and remaining_distance(change, before) <= settings.tolerance:
+            return StepOutcome("converged", equations.history_field, iteration)
+        reason = "" if iteration % ITERATIONS_BETWEEN else give_up(iteration)
+        if reason:
+            return StepOutcome("interrupted", equations.history_field, iteration, reason)
+        if not slope < 0.0:
+            return None
+        start, old = unknowns, residual
+        unknowns, residual, scale = search(equations, start, old, step * min(1.0, LONGEST_STEP / change))
+        equations.discretisation.costs.count["quasi_newton_iterations"] += 1
+        move = Move(unknowns - start, residual - old, float(np.einsum("n,n->", unknowns - start, residual - old)))
+        if move.product > -SMALLEST_CURVATURE * slope:
+            moves.append(move)
+    return None
+
+
+def _inverse(equations: CoupledEquations, moves: deque[Move], residual: NDArray) -> NDArray:
+    """The inverse Jacobian's product with a residual (n,): the factors', corrected by the moves (Nocedal 1980)."""
+    rest, shares = residual.copy(), []
+    for move in reversed(moves):
+        share = float(np.einsum("n,n->", move.step, rest)) / move.product
+        rest -= share * move.change
+        shares.append(share)
+    product = equations.solve(rest)
+    for move, share in zip(moves, reversed(shares), strict=True):
+        product += (share - float(np.einsum("n,n->", move.change, product)) / move.product) * move.step
+    return product

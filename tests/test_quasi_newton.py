@@ -1,0 +1,85 @@
+"""Displacement and phase field together, quasi-Newton: the answer of the staggered scheme for few factorisations."""
+
+import numba
+import numpy as np
+import pytest
+from test_increments import SOLVERS, march, notched
+
+from cases import CaseError
+from numerics.costs import Costs
+from numerics.linear_solvers import linear_solver
+from numerics.sparse_pattern import SymmetricPattern
+from numerics.threads import use_threads
+from verify import run
+
+#: the panel, coarse: it cracks, is closed under pressure and opened again
+CYCLE = {"path": [0.0, 0.4, -0.1, 0.5], "increment": 0.05, "smallest": 0.0125, "largest_advance": 2.0}
+#: below this phase field the plate's crack has run through, and what force is left depends on the way that it took
+RUN_THROUGH = 0.1
+
+
+def panel(variant, solver, scheme):
+    mesh = {"h": 12.5, "coarse": 50.0, "fine": {"lower": [150.0, 225.0], "upper": [265.0, 325.0]}, "refine": []}
+    concrete = {"concrete": {"fracture": {"length_scale": 12.5}}}
+    return variant("l_panel", solver, materials=concrete, mesh=mesh, load=CYCLE, staggered={"scheme": scheme})
+
+
+def plate(variant, solver, scheme):
+    return notched(variant, solver, staggered={"tolerance": 1e-4, "scheme": scheme})
+
+
+def in_common(one, other, judged):
+    """Forces (n, 2) of the states that two marches share, and how many of the first are to be judged."""
+    forces = {(step.march.leg, step.u): step.F for step in other}
+    wanted = [step for step in one if judged(step)]
+    shared = [(step.F, forces[key]) for step in wanted if (key := (step.march.leg, step.u)) in forces]
+    return np.array(shared), len(wanted)
+
+
+@pytest.mark.parametrize(("made", "judged"), [(plate, lambda step: step.c_min > RUN_THROUGH), (panel, lambda _: True)])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_it_follows_the_curve_of_the_staggered_scheme_with_few_factorisations(variant, solver, made, judged):
+    staggered, before = march(made(variant, solver, "converged"))
+    together, discretisation = march(made(variant, solver, "bfgs"))
+    forces, judgeable = in_common(staggered, together, judged)
+    assert len(forces) > 0.6 * judgeable
+    assert np.abs(forces[:, 1] - forces[:, 0]).max() <= 2e-3 * forces.max()
+    counted = discretisation.costs.count
+    assert counted["quasi_newton_iterations"] > counted["newton"] == counted["left_to_staggering"] == 0
+    assert counted["factorisations"] < 5 * counted["increments"] < before.costs.count["factorisations"] / 2
+
+
+def test_an_increment_that_does_not_converge_is_left_to_the_staggered_scheme_and_counted(variant, tmp_path, monkeypatch):
+    monkeypatch.setattr("numerics.quasi_newton.LARGEST_ITERATIONS", 12)
+    whole, left = (run(plate(variant, "fem", scheme), "fem", "standard", tmp_path / scheme, threads=1)
+                   for scheme in ("converged", "bfgs"))  # fmt: skip
+    counters = left.info["counters"]
+    assert 0 < counters["left_to_staggering"] < counters["increments"]
+    assert left.history.F.max() == pytest.approx(whole.history.F.max(), rel=1e-4)
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_it_gives_the_same_bits_on_any_number_of_threads(variant, solver):
+    before, curves = numba.get_num_threads(), []
+    for threads in (1, 2):
+        use_threads(threads)
+        curves.append([(step.u, step.F) for step in march(plate(variant, solver, "bfgs"))[0]])
+    use_threads(before)
+    assert curves[0] == curves[1]
+
+
+def test_a_material_whose_phase_field_is_bounded_is_refused(variant):
+    materials = {"steel": {"fracture": {"functional": "AT1"}}}
+    with pytest.raises(CaseError, match=r"'staggered.scheme' = 'bfgs' knows no bound c <= 1, .* give \"converged\"\.$"):
+        variant("sen_tension", materials=materials, staggered={"scheme": "bfgs"})
+
+
+@pytest.mark.parametrize("name", ["direct", "superlu", "cg", "gmres"])
+def test_a_matrix_that_is_kept_solves_again(name):
+    pattern = SymmetricPattern(np.array([[0, 1], [1, 2]]), 3)
+    solver = linear_solver(pattern, Costs(), name)
+    solver.factorise(pattern.gather(np.array([[2.0, -1.0, 2.0], [2.0, -1.0, 2.0]])))
+    for right_side in np.eye(3):
+        matrix = np.array([[2.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 2.0]])
+        assert matrix @ solver.solve_again(right_side) == pytest.approx(right_side, abs=1e-9)
