@@ -1,8 +1,7 @@
 """The phase field in small time steps: solved only around the cells where it can change.
 
 The cells are kept in square blocks. Blocks with a cell whose phase field would change by more than a tolerance make the
-window, together with four rings of blocks around them (fewer where points carry the phase field along and the change is
-small); outside it the phase field stays, and it is held at nodes that
+window, together with four rings of blocks around them; outside it the phase field stays, and it is held at nodes that
 cells outside the window share. What a change leaves out has decayed by exp(-RINGS BLOCK / 2). Where cells are larger than
 that, blocks are so large that the rings hold every neighbour of a cell.
 """
@@ -111,27 +110,21 @@ def fold(rows_of_cells, slots, local, parts, values, right_side):
 
 
 def conjugate_gradients(
-    neighbours: NDArray,
-    values: NDArray,
-    diagonal: NDArray,
-    right_side: NDArray,
-    sources: NDArray,
-    share: float,
-    holds: NDArray | float = 0.0,
+    neighbours: NDArray, values: NDArray, diagonal: NDArray, right_side: NDArray, sources: NDArray, share: float
 ) -> tuple[NDArray, int]:
     """Correction (n,) of the phase field and the number of iterations.
 
     neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
     the diagonal. right_side : (n,). sources : (n,) sums of the rows without history field. share : of them that may be
-    left over, and of the weights ``holds`` (n,) of what is known of the phase field beforehand. Beside the diagonal a
-    residual could be small that belongs to a large correction: the history field of few broken points makes rows heavy,
-    and with them the diagonal, but holds the phase field only at these points; at order 4 the bends do.
+    left over. Beside the diagonal a residual could be small that belongs to a large correction: the history field of few
+    broken points makes rows heavy, and with them the diagonal, but holds the phase field only at these points; at
+    order 4 the bends do.
     """
     correction = np.zeros(len(right_side))
     if not len(correction):
         return correction, 0
     pull = PULL * sources.max(initial=0.0)
-    iterations = _solve_rows(neighbours, values, diagonal, right_side, pull, share * (sources + holds + pull), correction)
+    iterations = _solve_rows(neighbours, values, diagonal, right_side, pull, share * (sources + pull), correction)
     if iterations < 0:
         raise LinearSolverError(NOT_FOUND)
     return correction, iterations
@@ -201,111 +194,46 @@ def _within(residual, allowed):
 
 
 @njit(cache=True)
-def _entries(neighbours, values, scale):
-    """Entries (s, n) by columns, times the scales (n,) of their row and column; zero where there is no neighbour."""
+def _entries(neighbours, values):
+    """Entries (s, n) by columns; zero where there is no neighbour."""
     n, s = values.shape
     entries = np.empty((s, n))
     for i in range(n):
         for entry in range(s):
-            column = neighbours[i, entry]
-            entries[entry, i] = values[i, entry] * scale[i] * scale[column] if column < n else 0.0
+            entries[entry, i] = values[i, entry] if neighbours[i, entry] < n else 0.0
     return entries
 
 
 @njit(cache=True)
-def _subtract_products(one, other, total):
-    for i in range(len(total)):
-        total[i] -= one[i] * other[i]
-
-
-@njit(cache=True)
-def _follow(first, last, margin, entries, near, steps, found, ahead):
-    """The part of a sweep in which each row of a stretch waits for the one before it."""
-    begin, way = (last - 1, -1) if ahead else (first, 1)
-    if len(near) == 2:  # as with quadratic splines; the nearest neighbour, the last to be known, comes last
-        far, close = (1, 0) if ahead else (0, 1)
-        one, two, away_one, away_two = entries[near[far]], entries[near[close]], steps[far], steps[close]
-        for place in range(last - first):
-            i = begin + way * place
-            here = found[margin + i] - one[i] * found[margin + i + away_one]
-            found[margin + i] = here - two[i] * found[margin + i + away_two]
-        return
-    for place in range(last - first):
-        i = begin + way * place
-        here = found[margin + i]
-        for other in range(len(near)):
-            here -= entries[near[other], i] * found[margin + i + steps[other]]
-        found[margin + i] = here
-
-
-@njit(cache=True)
-def _sweep(starts, away, entries, margin, right_side, found, ahead):
-    """Solve the rows without what is left of the diagonal, where ``ahead``, or right of it; the diagonal is one.
-
-    ``found`` has a margin of zeros on both sides. Only neighbours within a stretch wait for one another.
-    """
-    near, steps = np.empty(len(entries), np.uintp), np.empty(len(entries), np.int64)
-    for number in range(len(away)):
-        stretch = len(away) - 1 - number if ahead else number
-        first, last, count = starts[stretch], starts[stretch + 1], 0
-        total = found[margin + first : margin + last]
-        total[:] = right_side[first:last]
-        for entry in range(len(entries)):
-            step = away[stretch, entry]
-            if step == NOWHERE or step == 0 or (step > 0) != ahead:
-                continue
-            if abs(step) < last - first:
-                near[count], steps[count] = entry, step
-                count += 1
-            else:
-                there = margin + first + step
-                _subtract_products(entries[entry, first:last], found[there : there + last - first], total)
-        _follow(first, last, margin, entries, near[:count], steps[:count], found, ahead)
-
-
-@njit(cache=True)
 def _solve_rows(neighbours, values, diagonal, right_side, pull, allowed, solution):
-    """Conjugate gradients preconditioned by a symmetric Gauss-Seidel sweep, in the form that needs no further products
-    (Eisenstat 1981)."""
     n = solution.size
     starts, away = _stretches(neighbours)
     margin = max(0, np.where(away == NOWHERE, 0, np.abs(away)).max())
-    scale = np.empty(n)
+    entries = _entries(neighbours, values)
+    padded, product = np.zeros(n + 2 * margin), np.empty(n)
+    direction = padded[margin : margin + n]
+    residual, scale, scaled = right_side.copy(), np.empty(n), np.empty(n)
     for i in range(n):
         # what hardly any point sees, a node or a combination of them, would grow without bound
-        scale[i] = 1.0 / np.sqrt(values[i, diagonal[i]] * (1.0 + PULL_OF_DIAGONAL) + pull)
-    entries = _entries(neighbours, values, scale)
-    for i in range(n):
-        entries[diagonal[i], i] = 1.0
-    right_side, allowed = right_side * scale, allowed * scale
-    moved, swept = np.zeros(n + 2 * margin), np.zeros(n + 2 * margin)
-    found, product, rest = np.zeros(n + 2 * margin), np.empty(n), np.empty(n)
-    inner, outer = slice(margin, margin + n), swept[margin : margin + n]
-    _sweep(starts, away, entries, margin, right_side, swept, False)
-    residual = outer.copy()
-    direction, old = residual.copy(), _dot(residual, residual)
+        entries[diagonal[i], i] += pull + PULL_OF_DIAGONAL * entries[diagonal[i], i]
+        scale[i] = 1.0 / entries[diagonal[i], i]
+        scaled[i] = residual[i] * scale[i]
+        direction[i] = scaled[i]
+    old = _dot(residual, scaled)
     for iteration in range(10 * n + 10):
         if _within(residual, allowed):
-            _products(starts, away, entries, margin, found, product)
-            if _within(right_side - product, allowed):
-                solution[:] = scale * found[inner]
-                return iteration
-        _sweep(starts, away, entries, margin, direction, moved, True)
-        step_of = moved[inner]
-        for i in range(n):
-            rest[i] = direction[i] - step_of[i]
-        _sweep(starts, away, entries, margin, rest, swept, False)
-        for i in range(n):
-            product[i] = step_of[i] + outer[i]
+            return iteration
+        _products(starts, away, entries, margin, padded, product)
         # a sum of the linear algebra's library would depend on its number of threads
         step = old / _dot(direction, product)
         if not np.isfinite(step):
             return -1
         for i in range(n):
-            found[margin + i] += step * step_of[i]
+            solution[i] += step * direction[i]
             residual[i] -= step * product[i]
-        new = _dot(residual, residual)
+            scaled[i] = residual[i] * scale[i]
+        new = _dot(residual, scaled)
         ratio, old = new / old, new
         for i in range(n):
-            direction[i] = residual[i] + ratio * direction[i]
+            direction[i] = scaled[i] + ratio * direction[i]
     return -1

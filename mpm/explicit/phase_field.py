@@ -31,10 +31,10 @@ TOUGHER = 1000.0
 class PointPhaseField:
     """The phase field of one body (Eq. 4.16), solved on blocks of cells around the points where it would change.
 
-    The larger the change, the more rings of blocks are solved for with it. In one further ring, which is forgotten, the
-    points hold the phase field that they have, as they carry it along and the nodes do not; the nodal values are kept as
-    the start of the next solution. At order 4, whose bends reach further, the nodes outside keep theirs: points in cracks
-    that stray from where these were found count as changing.
+    One further ring of blocks is solved for and forgotten. At order 2 nothing is held at the rim of the blocks, where
+    the solution is cut off, and the nodal values are kept as the start of the next solution. At order 4, whose bends
+    reach further, the nodes outside keep theirs: points in cracks that stray from where these were found count as
+    changing.
     """
 
     def __init__(self, case: Case, number: int, body: MovingBody, costs: Costs) -> None:
@@ -62,15 +62,15 @@ class PointPhaseField:
         if self._breakable is not None:
             history *= self._breakable[self._body.points.number]
         marked = self._changing_blocks(history)
-        marked[..., -1] |= everywhere
+        marked[:] |= everywhere
         if not marked.any():
             return
         self._keep_nodes()
-        cells = self._cells_around(marked, further=1)
-        inside = np.zeros(len(self._nodal), bool)
-        inside[self._cells_around(marked, further=0)] = True
-        iterations = self._solve_on(cells, inside, history)
+        cells = self._cells_around(marked, RINGS + 1)
+        iterations = self._solve_on(cells, history)
         self._costs.count.update(phase_field_solves=1, window_cells=len(cells), cg_iterations=iterations)
+        inside = np.zeros(len(self._nodal), bool)
+        inside[self._cells_around(marked, RINGS)] = True
         nodal = NodalPhaseField(self._body.window.width, inside, self._nodal)
         self._map_to_points(nodal, history, now)
 
@@ -88,7 +88,7 @@ class PointPhaseField:
 
     def _changing_blocks(self, history: NDArray) -> NDArray:
         window, p = self._body.window, self._body.points
-        marked = np.zeros((*-(-window.shape // self._block), RINGS), bool)
+        marked = np.zeros(-(-window.shape // self._block), bool)
         phase_field_kernels.mark_changing(
             window.strips, p.motion, p.crack, history, self._law, self._tolerance, self._block, marked
         )
@@ -96,7 +96,7 @@ class PointPhaseField:
             far = np.maximum(np.abs(p.axes.stray_x), np.abs(p.axes.stray_y)) > STRAY
             strayed = (p.crack.c < 1.0 - self._tolerance) & far
             x, y = p.motion.x[strayed].astype(int), p.motion.y[strayed].astype(int)
-            marked[x // self._block, y // self._block, -1] = True
+            marked[x // self._block, y // self._block] = True
         return marked
 
     def _keep_nodes(self) -> None:
@@ -112,44 +112,41 @@ class PointPhaseField:
             nodal[here] = old[there]
         self._window, self._nodal = (corner.copy(), shape.copy()), nodal.reshape(-1)
 
-    def _cells_around(self, marked: NDArray, further: int) -> NDArray:
-        """Cells (m,) within the rings that the marked blocks reach and further ones, as numbers of their first nodes."""
+    def _cells_around(self, marked: NDArray, rings: int) -> NDArray:
+        """Cells (m,) within so many rings of the marked blocks, as numbers of their first nodes."""
         lattice, shape = self._body.lattice, self._body.window.shape
-        return phase_field_kernels.cells_around(marked, further, self._block, shape, lattice.order)
+        return phase_field_kernels.cells_around(marked, rings, self._block, shape, lattice.order)
 
-    def _solve_on(self, cells: NDArray, inside: NDArray, history: NDArray) -> int:
+    def _solve_on(self, cells: NDArray, history: NDArray) -> int:
         """Find the nodal phase field on cells; returns the number of iterations."""
-        equations = self._equations(cells, inside, history)
+        equations = self._equations(cells, history)
         order, width = self._body.lattice.order, self._body.window.width
         rows = phase_field_kernels.number_rows(cells, order, width, self._held(equations.number))
         n, reach = len(rows.nodes), 2 * order + 1
         # one row more stands for all nodes that do not take part
-        values, right_side, holds = np.zeros((n + 1, reach * reach)), np.zeros(n + 1), np.zeros((n + 1, 2))
+        values, right_side = np.zeros((n + 1, reach * reach)), np.zeros(n + 1)
         fold(rows.of_cells, self._slots, equations.local, equations.right_side, values, right_side)
-        phase_field_kernels.fold_holds(rows.of_cells, equations.holds, holds)
         self._nodal[rows.nodes] = np.clip(self._nodal[rows.nodes], *SANE)
         correction, iterations = conjugate_gradients(
             rows.neighbours, values[:-1], np.full(n, reach * reach // 2),
-            phase_field_kernels.left_over(rows.nodes, order, width, values, self._nodal, right_side + holds[:, 1]),
-            right_side[:-1], SMOOTH_RESIDUAL if self._law.bending else RESIDUAL, holds[:-1, 0],
+            phase_field_kernels.left_over(rows.nodes, order, width, values, self._nodal, right_side),
+            right_side[:-1], SMOOTH_RESIDUAL if self._law.bending else RESIDUAL,
         )  # fmt: skip
         self._nodal[rows.nodes] += correction
         return iterations
 
-    def _equations(self, cells: NDArray, inside: NDArray, history: NDArray) -> CellEquations:
+    def _equations(self, cells: NDArray, history: NDArray) -> CellEquations:
         """Equations of cells (m,), summed up over their points."""
         lattice, window, p = self._body.lattice, self._body.window, self._body.points
         order, over_h = lattice.order, 1.0 / lattice.h
         number, size = np.full(len(self._nodal), -1, np.int32), (order + 1) ** 2
         number[cells] = np.arange(len(cells), dtype=np.int32)
         halves, right_side = np.zeros((len(cells), size * (size + 1) // 2)), np.zeros((len(cells), size))
-        equations = CellEquations(window.width, number, inside, halves, right_side, np.zeros((len(cells), size, 2)))
+        equations = CellEquations(window.width, number, halves, right_side)
         matter = p.matter
         if self._breakable is not None:
             matter = matter._replace(volume=np.where(self._breakable[p.number], 1.0, TOUGHER) * matter.volume)
-        phase_field_kernels.add_points(
-            order, window.strips, p.motion, matter, history, p.crack.c, self._law, over_h, equations
-        )
+        phase_field_kernels.add_points(order, window.strips, p.motion, matter, history, self._law, over_h, equations)
         if self._law.bending:
             phase_field_kernels.add_curvature_terms(
                 order, window.strips, p.motion, matter, p.axes, self._law, over_h, equations

@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 from mpm.explicit.cell_splines import basis, second_derivatives
 from physics.phase_field import breaks_now, crack_density, expected_change
 
-#: stiffness that holds the phase field of points at the rim of a window, over that of the equation there
-HOLDING = 10.0
-
 
 class PhaseFieldLaw(NamedTuple):
     """Coefficients of a body's phase field (`PhaseFieldCoefficients`); ``operator`` (3, 3) takes second derivatives in
@@ -36,16 +33,13 @@ class CellEquations(NamedTuple):
     """Upper halves (m, n (n + 1) / 2) of Eq. 4.17 and its right sides (m, n), n = (order + 1)² nodes a cell.
 
     ``number`` (n_cells,) tells which cells of the window take part and how they are counted, -1 for the others; ``width``
-    is that of the window in nodes. ``inside`` (n_cells,) are cells whose phase field is sought. In the others the points
-    hold the one that they have: ``holds`` (m, n, 2) are the weights of these and their products with it.
+    is that of the window in nodes.
     """
 
     width: int
     number: NDArray
-    inside: NDArray
     local: NDArray
     right_side: NDArray
-    holds: NDArray
 
 
 class NodalPhaseField(NamedTuple):
@@ -57,12 +51,11 @@ class NodalPhaseField(NamedTuple):
 
 
 @njit(cache=True, parallel=True)
-def add_points(order, strips, motion, matter, history, c, law, over_h, equations):
-    """Sum up the equations over the points without the fourth-order term; ``history`` (n,) is their history field, ``c``
-    (n,) the phase field that they have."""
+def add_points(order, strips, motion, matter, history, law, over_h, equations):
+    """Sum up the equations over the points without the fourth-order term; ``history`` (n,) is their history field."""
     x, y, volume = motion.x, motion.y, matter.volume
     drive, resistance, diffusion = law.drive, law.resistance, law.diffusion
-    width, number, inside, local, right_side, holds = equations
+    width, number, local, right_side = equations
     k = order + 1
     for colour in range(2):
         for half in prange((len(strips) - colour) // 2):
@@ -80,18 +73,13 @@ def add_points(order, strips, motion, matter, history, c, law, over_h, equations
                     for b in range(k):
                         value[a * k + b] = wx[a] * wy[b]
                         slope_x[a * k + b], slope_y[a * k + b] = dx[a] * wy[b], wx[a] * dy[b]
-                source, hold = resistance * volume[p], 0.0
+                source = resistance * volume[p]
                 mass = drive * history[p] * volume[p] + source
                 stiffness = diffusion * volume[p] * over_h * over_h
-                if not inside[i * width + j]:
-                    hold = HOLDING * (source + stiffness)
-                    mass += hold
                 entry = 0
                 for a in range(k * k):
                     n, gx, gy = mass * value[a], stiffness * slope_x[a], stiffness * slope_y[a]
                     right_side[cell, a] += source * value[a]
-                    holds[cell, a, 0] += hold * value[a]
-                    holds[cell, a, 1] += hold * c[p] * value[a]
                     for b in range(a, k * k):
                         local[cell, entry] += n * value[b] + gx * slope_x[b] + gy * slope_y[b]
                         entry += 1
@@ -130,17 +118,13 @@ def to_points(order, strips, motion, history, law, over_h, nodal, now, crack):
 
 @njit(cache=True, parallel=True)
 def mark_changing(strips, motion, crack, history, law, tolerance, block, marked):
-    """Mark the blocks of ``block`` x ``block`` cells that hold a point whose phase field would change by more than the
-    tolerance, ``marked`` (n_x, n_y, RINGS) by the number of rings of blocks beyond which less than the tolerance is left
-    of the change: each takes all but 1/e of it."""
-    most = marked.shape[2]
+    """Mark the blocks (n_x, n_y) of ``block`` x ``block`` cells that hold a point whose phase field would change by more
+    than the tolerance."""
     x, y, c, solved_for, drive, resistance = motion.x, motion.y, crack.c, crack.solved_for, law.drive, law.resistance
     for strip in prange(len(strips) - 1):
         for p in range(strips[strip], strips[strip + 1]):
-            change = expected_change(c[p], history[p], solved_for[p], drive, resistance)
-            if change > tolerance:
-                rings = min(most, 1 + int(min(np.log(change / tolerance), most)))
-                marked[int(x[p]) // block, int(y[p]) // block, rings - 1] = True
+            if expected_change(c[p], history[p], solved_for[p], drive, resistance) > tolerance:
+                marked[int(x[p]) // block, int(y[p]) // block] = True
 
 
 @njit(inline="always")
@@ -231,19 +215,16 @@ def mark_outside(order, motion, width, number, held):
 
 
 @njit(cache=True)
-def cells_around(marked, further, block, shape, order):
-    """Cells (m,) in the blocks within the rings that a marked one reaches and so many ``further`` ones, as numbers of
-    their first nodes.
+def cells_around(marked, rings, block, shape, order):
+    """Cells (m,) in the blocks within so many ``rings`` of a marked one, as numbers of their first nodes.
 
     ``shape`` (2,) is that of the window in nodes.
     """
-    chosen = np.zeros(marked.shape[:2], np.bool_)
+    chosen = np.zeros(marked.shape, np.bool_)
     for a in range(marked.shape[0]):
         for b in range(marked.shape[1]):
-            for ring in range(marked.shape[2]):
-                if marked[a, b, ring]:
-                    reach = ring + 1 + further
-                    chosen[max(0, a - reach) : a + reach + 1, max(0, b - reach) : b + reach + 1] = True
+            if marked[a, b]:
+                chosen[max(0, a - rings) : a + rings + 1, max(0, b - rings) : b + rings + 1] = True
     n_x, n_y = shape[0] - order, shape[1] - order
     cells, count = np.empty(n_x * n_y, np.int64), 0
     for i in range(n_x):
@@ -296,15 +277,6 @@ def number_rows(cells, order, width, held):
             for b in range(k):
                 of_cells[c, a * k + b] = rows[cells[c] + a * width + b]
     return Rows(nodes, neighbours, of_cells)
-
-
-@njit(cache=True)
-def fold_holds(of_cells, parts, total):
-    """Add the ``holds`` (m, n, 2) of cells to those of their rows."""
-    for cell in range(len(of_cells)):
-        for a in range(of_cells.shape[1]):
-            total[of_cells[cell, a], 0] += parts[cell, a, 0]
-            total[of_cells[cell, a], 1] += parts[cell, a, 1]
 
 
 @njit(cache=True)
