@@ -183,14 +183,16 @@ def _anchors(case: Case) -> list[tuple[float, float]]:
     """Points that are to be nodes where they lie on an outline: ends of notches, of supports and of loads."""
     shapes = [body.shape for body in case.bodies.values() if body.shape]
     anchors = [end for notch in case.notches for end in (notch.start, notch.end)]
-    for boundary in case.boundaries.values():
+    moved = {c.on for c in case.constraints if c.direction != "phase"} | {traction.on for traction in case.tractions}
+    for name, boundary in case.boundaries.items():
         if boundary.point:
             anchors.append(boundary.point)
         if boundary.segment:
             anchors += boundary.segment
         if boundary.box:
             anchors += [boundary.box.lower, boundary.box.upper]
-            anchors += [cut for shape in shapes for cut in cuts_of_box(shape, boundary.box)]
+            if name in moved:
+                anchors += [cut for shape in shapes for cut in cuts_of_box(shape, boundary.box)]
     return anchors
 
 
