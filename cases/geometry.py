@@ -20,6 +20,8 @@ Bounds = tuple[Array, Array]
 
 # Points this near to an outline, in shares of the size of the shape, count as being on it.
 SLACK = 1e-9
+# Rounding of a few operations on coordinates, in units of their last digit.
+ROUNDED = 64
 # Chords in a quarter of a circle where a disc has to become a polygon (overlap checks only).
 CHORDS = 128
 
@@ -247,9 +249,15 @@ def _polygon_contains(polygon: BaseGeometry, points: Array, slack: float) -> NDA
     return shapely.intersects_xy(grown, points[:, 0], points[:, 1])
 
 
-def size_of(bounds: Bounds) -> float:
-    """Longest side of a bounding box [length]."""
-    return float(np.max(bounds[1] - bounds[0]))
+def slack_of(bounds: Bounds) -> float:
+    """Distance within which places in a bounding box count as one [length]."""
+    lower, upper = bounds
+    return max(SLACK * float(np.max(upper - lower)), rounding_of(bounds))
+
+
+def rounding_of(bounds: Bounds) -> float:
+    """What a few operations leave places in a bounding box off by: more, the farther from the origin [length]."""
+    return ROUNDED * float(np.spacing(np.abs(bounds).max()))
 
 
 Difference.model_rebuild()

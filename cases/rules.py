@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from cases.errors import BrokenRuleError
-from cases.geometry import SLACK, size_of
+from cases.geometry import SLACK, rounding_of, slack_of
 from cases.judging import Check
 from cases.load_rules import loads_fit_dynamics, loads_fit_statics
 from cases.schema import CaseDescription, changeable_tables
@@ -21,6 +21,8 @@ from cases.table import nearest, only_known
 
 # Cells of spacing h in one direction; more is a slip of the pen.
 MOST_CELLS = 100_000
+# Rounding of coordinates beyond this share of h would part what is joined.
+_FAR = 1e-6
 # Bodies overlap when they share more than this part of the smaller one.
 _OVERLAP = 1e-6
 #: keys that explicit integration does not look at, with the value that says what it does, None where none does
@@ -166,7 +168,7 @@ def _free_rigid_bodies_are_free(case: CaseDescription) -> None:
 def what_reaches(case: CaseDescription, name: str) -> Iterator[tuple[str, str]]:
     """Keys and boundaries of the constraints and tractions on the outline of a body, found at places h apart."""
     places = shapely.get_coordinates(case.bodies[name].outline().segmentize(case.mesh.h))
-    slack, box = SLACK * size_of(case.bounding_box()), case.bounding_box()
+    slack, box = slack_of(case.bounding_box()), case.bounding_box()
     for key in ("constraints", "tractions"):
         for number, item in enumerate(getattr(case, key)):
             if case.boundaries[item.on].select(places, slack, box).any():
@@ -253,7 +255,7 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
         return  # reading meshes is left to whoever needs them
     # a slit may go on through a gap that is narrower than the cells, such as a notch that tapers
     outlines = [body.shape.outline() for body in case.bodies.values() if body.shape]
-    whole, slack = shapely.union_all(outlines), SLACK * size_of(case.bounding_box())
+    whole, slack = shapely.union_all(outlines), slack_of(case.bounding_box())
     hull, inside = whole.convex_hull.buffer(slack), whole.buffer(-slack)
     for number, notch in enumerate(case.notches):
         for end, point in (("start", notch.start), ("end", notch.end)):
@@ -292,6 +294,9 @@ def _spacing_fits_the_bodies(case: CaseDescription) -> None:
         text = f"is larger than the bodies, which are {size} {case.units.length}"
         remedy = f"make it smaller, or give coordinates in {case.units.length}"
         raise BrokenRuleError(text, remedy, "mesh.h", case.mesh.h)
+    if rounding_of((lower, upper)) > _FAR * case.mesh.h:
+        text = f"is too small for bodies that lie as far from the origin as {upper.tolist()}: rounding moves their places"
+        raise BrokenRuleError(text, "move the bodies nearer to the origin", "mesh.h", case.mesh.h)
     if any(body.mesh for body in case.bodies.values()):
         return
     if case.mesh.fine is not None:

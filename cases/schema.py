@@ -14,7 +14,7 @@ from cases.boundaries import EDGES, BoundarySet
 from cases.discretisation import Mesh, Mpm, Staggered
 from cases.errors import BrokenRuleError
 from cases.files import read_curve
-from cases.geometry import SLACK, Array, Bounds, size_of
+from cases.geometry import Array, Bounds, slack_of
 from cases.judging import Check, Reference, Run, RunSpec, TierName
 from cases.loading import AT_REST, Constraint, Contact, Dynamics, Load
 from cases.loads import BodyForce, Eigenstrain, Traction
@@ -121,7 +121,7 @@ class CaseDescription(Table):
         is not removed, see `left_out`.
         """
         p = np.asarray(points, dtype=float).reshape(-1, 2)
-        slack = SLACK * size_of(self.bounding_box())
+        slack = slack_of(self.bounding_box())
         index = np.full(len(p), -1, dtype=np.int64)
         for number, body in enumerate(self.bodies.values()):
             free = np.flatnonzero(index < 0)

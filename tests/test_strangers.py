@@ -236,3 +236,20 @@ def test_an_angle_of_a_region_that_no_one_tells_is_refused() -> None:
     region = {"body": "plate", "within": {"rectangle": {"lower": [0.0, 0.0], "upper": [0.5, 0.5]}}}
     with pytest.raises(CaseError, match=r"'output.regions' are told of in dynamics only"):
         case_from_tables({**PLATE, "output": {"regions": {"corner": region}}})
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_place_far_from_the_origin_changes_nothing(solver):
+    """Coordinates as maps have them: what is near is so by the spacing, not by the size of the numbers."""
+
+    def at(x: float, y: float) -> Case:
+        moved = {"start": [x, y + 0.5], "end": [x + 0.5, y + 0.5], "kind": "slit"}
+        square = {"material": "steel", "shape": {"rectangle": {"lower": [x, y], "upper": [x + 2, y + 1]}}}
+        return plate(
+            solver, bodies={"plate": square}, boundaries={"corner": {"point": [x + 1, y]}}, notches=[moved],
+            mesh={"h": 0.125},
+        )  # fmt: skip
+
+    assert force(at(5e5, 4e6), solver) == pytest.approx(force(at(0.0, 0.0), solver), rel=1e-6)
+    with pytest.raises(CaseError, match=r"'mesh.h' = 0.125 is too small for bodies that lie as far from the origin"):
+        at(0.0, 4e8)
