@@ -294,7 +294,8 @@ def _spacing_fits_the_bodies(case: CaseDescription) -> None:
         text = f"is larger than the bodies, which are {size} {case.units.length}"
         remedy = f"make it smaller, or give coordinates in {case.units.length}"
         raise BrokenRuleError(text, remedy, "mesh.h", case.mesh.h)
-    if rounding_of((lower, upper)) > _FAR * case.mesh.h:
+    far = np.abs((lower, upper)).max() > 10.0 * np.max(upper - lower)
+    if far and rounding_of((lower, upper)) > _FAR * case.mesh.h:
         text = f"is too small for bodies that lie as far from the origin as {upper.tolist()}: rounding moves their places"
         raise BrokenRuleError(text, "move the bodies nearer to the origin", "mesh.h", case.mesh.h)
     if any(body.mesh for body in case.bodies.values()):
