@@ -40,8 +40,9 @@ def loaded_places(case: Case, number: int, cloud: PointCloud, divided: Callable[
     edges = divided(drawn.cut(drawn.on(case, case.boundaries[traction.on])))
     places, length, normal = _gauss_points(edges)
     # asked from a little inside, so that the nearest one is of the body
-    found = KDTree(cloud.positions).query(places - 0.25 * cloud.size.max() * normal, k=min(CANDIDATES, len(cloud.volume)))
-    distance, candidates = (np.asarray(part).reshape(len(places), -1) for part in found)
+    nearest = min(CANDIDATES, len(cloud.volume))
+    found = KDTree(cloud.positions).query(places - 0.25 * cloud.size.max() * normal, k=nearest)
+    distance, candidates = (np.asarray(part).reshape(len(places), nearest) for part in found)
     # points across a slit may be nearer than those whose face is loaded
     away = np.einsum("nci,ni->nc", cloud.positions[candidates] - places[:, None], normal)
     chosen = np.arange(len(places)), np.argmax(away < 0.0, axis=1)
