@@ -177,8 +177,7 @@ class ExplicitMaterialPoints:
         self._now = now + size
 
     def _go_with_mean_velocities(self, acceleration: NDArray, size: float, of_bodies: Sequence[Carried]) -> None:
-        """Let the middle of each body go with the mean of its velocities before and after the step, as what its mass does
-        work on: with the later one a fall in the time t is too far by g t dt / 2. At rest the two are one."""
+        """Let the middle of each body go with its mean velocity of the step; the later one falls g t dt / 2 too far."""
         for body, carried in zip(self._moving, of_bodies, strict=True):
             body.lag = 0.5 * (carried.after - carried.before) / carried.mass
             self._outer_work += 0.5 * size * float(acceleration @ (carried.before + carried.after))
@@ -207,8 +206,7 @@ class ExplicitMaterialPoints:
 
     def _count_boundary_work(self, impulses: NDArray, size: float, damping: float, of_bodies: Sequence[Carried]) -> None:
         work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
-        damped = sum(carried.damped for carried in of_bodies)
-        work += size * (self._tractions.power() - damping * damped)
+        work += size * (self._tractions.power() - damping * sum(carried.damped for carried in of_bodies))
         self._outer_work += work
         self._boundary_power = work / size
 
