@@ -14,7 +14,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cases import Case
-from cases.bodies import Body
 from cases.notches import HistoryNotch, Segment
 from cases.solvers import SOLVERS
 from cases.spacing import cell_sizes
@@ -77,6 +76,11 @@ INDICATORS = {
         "share of the new crack's energy in cells larger than the length scale, where cracks take too much force",
         0.05, "0.02 where a crack stays in fine cells, 0.4 to 1 where it bore too much",
         "enlarge mesh.fine, or set mesh.follow_crack = true in a quasi-static case",
+    ),
+    "held_crack": Indicator(
+        "share of the torn crack's energy within a length scale of edges held in x and y, where half a crack's is enough",
+        0.25, "0 to 0.2 where it only ends there; along a held edge its profile has one side, so it tears there first",
+        "weld a body of a material without fracture between the plate and its support, or hold only one direction",
     ),
     "quadrature": Indicator(
         "share of the volume in cells with fewer than 2 x 2 material points",
@@ -162,7 +166,7 @@ def _of_fields(case: Case, fields: Fields) -> dict[str, float]:
     slits = [notch for notch in case.all_notches if notch.kind == "slit"]
     if slits and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
-    for indicators in (_history_notches, _locking, _resolution, _coarse_crack):
+    for indicators in (_history_notches, _locking, _resolution, _coarse_crack, _held_crack):
         found |= indicators(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
@@ -348,6 +352,8 @@ def _projection(values: NDArray, term: NDArray, block: NDArray, weight: NDArray)
 
 #: below this phase field material softens: where AT2 in one dimension bears its largest stress
 _SOFTENS = 0.75
+#: below this one it is torn
+_TORN = 0.25
 #: a notch drawn by its history field damages what is nearer than so many length scales, and the cell beyond
 _BESIDE_NOTCH = 4.0
 
@@ -355,23 +361,55 @@ _BESIDE_NOTCH = 4.0
 def _coarse_crack(case: Case, fields: Fields) -> dict[str, float]:
     """Of what softens outside the notches; a grid that follows the crack, or may be too coarse by name, is not asked."""
     mesh, by_points = case.mesh, SOLVERS[case.run_spec(case.run or "").solver].by_points
-
-    def length_scale(body: Body) -> float:
-        fracture = case.materials[body.material].fracture
-        # elements of a mesh file are not those of the grid
-        return np.inf if fracture is None or (body.mesh and not by_points) else fracture.length_scale
-
-    lengths = np.array([length_scale(body) for body in case.bodies.values()])[fields.body]
-    cracked = (fields.phase_field < _SOFTENS) & np.isfinite(lengths)
-    if mesh.fine is None or mesh.follow_crack or mesh.under_resolved or not cracked.any():
+    if mesh.fine is None or mesh.follow_crack or mesh.under_resolved:
         return {}
+    lengths = _length_scales(case, fields)
+    if not by_points:  # elements of a mesh file are not those of the grid
+        lengths[np.isin(fields.body, [n for n, body in enumerate(case.bodies.values()) if body.mesh])] = np.inf
+    coarse = cell_sizes(case, fields.reference).max(axis=1) > _ROUNDED * lengths
+    return _share("coarse_crack", _new_crack(case, fields, lengths, _SOFTENS), coarse)
+
+
+def _held_crack(case: Case, fields: Fields) -> dict[str, float]:
+    """Of what is torn outside the notches; nothing is held where the phase field is."""
+    if not case.fracture_enabled:
+        return {}
+    lengths = _length_scales(case, fields)
+    held = {direction: np.zeros(len(lengths), bool) for direction in ("x", "y", "phase")}
+    for constraint in case.constraints:
+        near = _within(case, fields, constraint.on, lengths)
+        for direction in ("x", "y") if constraint.motion else (constraint.direction,):
+            held[direction or ""] |= near
+    return _share("held_crack", _new_crack(case, fields, lengths, _TORN), held["x"] & held["y"] & ~held["phase"])
+
+
+def _within(case: Case, fields: Fields, on: str, lengths: NDArray) -> NDArray[np.bool_]:
+    """Points (n,) within a length scale of a boundary set."""
+    near = np.zeros(len(lengths), bool)
+    for length in np.unique(lengths[np.isfinite(lengths)]):
+        of_scale = lengths == length
+        near[of_scale] = case.boundaries[on].select(fields.reference[of_scale], length, case.bounding_box())
+    return near
+
+
+def _length_scales(case: Case, fields: Fields) -> NDArray:
+    """Of the points (n,) [length]; infinite where nothing breaks."""
+    fractures = [case.materials[body.material].fracture for body in case.bodies.values()]
+    return np.array([np.inf if of is None else of.length_scale for of in fractures])[fields.body]
+
+
+def _new_crack(case: Case, fields: Fields, lengths: NDArray, below: float) -> NDArray:
+    """What the phase field below a value holds of energy at the points (n,), up to a factor; none in history notches."""
+    cracked = (fields.phase_field < below) & np.isfinite(lengths)
     cell = cell_sizes(case, fields.reference).max(axis=1)
     for notch in case.all_notches:
         if isinstance(notch, HistoryNotch):
             cracked &= notch.distance(fields.reference) > _BESIDE_NOTCH * lengths + cell
-    energy = np.where(cracked, (1.0 - fields.phase_field) ** 2 * fields.volume, 0.0)
-    coarse = cell > _ROUNDED * lengths
-    return {"coarse_crack": float(energy[coarse].sum() / energy.sum())} if energy.any() else {}
+    return np.where(cracked, (1.0 - fields.phase_field) ** 2 * fields.volume, 0.0)
+
+
+def _share(name: str, energy: NDArray, part: NDArray) -> dict[str, float]:
+    return {name: float(energy[part].sum() / energy.sum())} if energy.any() else {}
 
 
 #: a cell as large as the length scale is not larger
