@@ -36,7 +36,7 @@ on = "top"
 direction = "y"
 scale = 1.0
 [[constraints]]
-on = "bottom"
+on = "left"
 direction = "x"
 value = 0
 [[constraints]]

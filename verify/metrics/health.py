@@ -374,13 +374,16 @@ def _held_crack(case: Case, fields: Fields) -> dict[str, float]:
     """Of what is torn outside the notches; nothing is held where the phase field is."""
     if not case.fracture_enabled:
         return {}
-    lengths = _length_scales(case, fields)
-    held = {direction: np.zeros(len(lengths), bool) for direction in ("x", "y", "phase")}
+    lengths, held = _length_scales(case, fields), np.zeros(len(fields.body), bool)
+    for on in {constraint.on for constraint in case.constraints}:
+        of_set = [constraint for constraint in case.constraints if constraint.on == on]
+        directions = {constraint.direction for constraint in of_set}
+        if {"x", "y"} <= directions or any(constraint.motion for constraint in of_set):
+            held |= _within(case, fields, on, lengths)
     for constraint in case.constraints:
-        near = _within(case, fields, constraint.on, lengths)
-        for direction in ("x", "y") if constraint.motion else (constraint.direction,):
-            held[direction or ""] |= near
-    return _share("held_crack", _new_crack(case, fields, lengths, _TORN), held["x"] & held["y"] & ~held["phase"])
+        if constraint.direction == "phase":
+            held &= ~_within(case, fields, constraint.on, lengths)
+    return _share("held_crack", _new_crack(case, fields, lengths, _TORN), held)
 
 
 def _within(case: Case, fields: Fields, on: str, lengths: NDArray) -> NDArray[np.bool_]:
