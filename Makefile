@@ -19,7 +19,9 @@ help: ## list the targets
 
 install: .venv/developed ## make .venv with the pinned dependencies, the project and what its tests and lint need
 
-# What is never imported is never compiled: --no-compile spares half of pip's processor time.
+# What is never imported is never compiled: --no-compile spares half of pip's processor time. What is imported is kept
+# compiled, whatever the environment says: a process that compiles it anew starts in 3 s in place of 1 s.
+unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
 .venv/made: constraints.txt pyproject.toml
