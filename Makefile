@@ -65,8 +65,10 @@ charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); \
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS)
 
+# Small cases first, whose two processes compile other kernels each: at a time, tests and library would compile the same.
 test: .venv/developed ## run the tests
-	$(BIN)/python -m pytest -n 2 --dist loadfile --durations=20
+	$(BIN)/verify run tests/attack/tiny/*.toml --tier quick --jobs 2 --out build/compiled
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20
 
 lint: .venv/developed ## style, types and the import contract
 	$(BIN)/ruff check .

@@ -13,6 +13,17 @@ from cases import Case, case_from_tables
 from reports.report import SECTIONS
 
 LIBRARY = Path(__file__).parents[1] / "cases" / "library"
+#: files that take longest: two workers that begin with them end together
+LONGEST = (
+    "test_library.py", "test_attack.py", "test_health.py", "test_reports.py", "test_random_scenes.py", "test_loads.py",
+    "test_meshing.py", "test_resume.py",
+)  # fmt: skip
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first, the others as they come."""
+    place = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.name, len(LONGEST)))
 
 
 def merged(tables: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
