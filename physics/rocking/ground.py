@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
-from scipy.signal import lfilter
 
 #: shapes of a pulse: a cycle of "sine" and "cosine" is a whole period, of "half_sine" half of one; "ricker" is the
 #: wavelet about the middle of one period, cut where it has fallen below 4e-3 of its height
@@ -107,6 +106,8 @@ def response_spectrum(
 
 def _largest_response(samples: NDArray, step: float, omega: float, damping: float) -> float:
     """x'' + 2 zeta omega x' + omega² x = -a, discretised exactly for an a that is linear within a step."""
+    from scipy.signal import lfilter  # a second to import, and only spectra need it
+
     system = np.zeros((4, 4))
     system[:2, :2] = [[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]]
     system[1, 2], system[2, 3] = -1.0, 1.0

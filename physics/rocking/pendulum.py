@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from physics.rocking.block import Block
 from physics.rocking.ground import GroundMotion, acceleration
@@ -237,6 +236,8 @@ def linear_border_without_impact(frequency_ratio: float) -> float:
     A [x cos psi + sin psi - x exp(-(2 pi - psi)/x)] = 1 + x²,  x = omega / p,  sin psi = 1/A.
     """
     x = frequency_ratio
+
+    from scipy.optimize import brentq  # half a second to import, and only this border needs it
 
     def excess(amplitude: float) -> float:
         psi = math.asin(1.0 / amplitude)

@@ -1,5 +1,7 @@
 """Imported once by the process from which runs are forked: all that a run imports, and the identity of that code."""
 
+import scipy.signal  # noqa: F401
+
 import fem_reference  # noqa: F401
 import mpm  # noqa: F401
 import verify.metrics.crack_path
