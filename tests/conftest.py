@@ -15,8 +15,9 @@ from reports.report import SECTIONS
 LIBRARY = Path(__file__).parents[1] / "cases" / "library"
 #: files that take longest: two workers that begin with them end together
 LONGEST = (
-    "test_library.py", "test_attack.py", "test_health.py", "test_reports.py", "test_random_scenes.py", "test_loads.py",
-    "test_meshing.py", "test_resume.py",
+    "test_library.py", "test_maps.py", "test_attack.py", "test_health.py", "test_reports.py", "test_random_scenes.py",
+    "test_charts.py", "test_cluster.py", "test_records.py", "test_foreign.py", "test_inclined_slits.py",
+    "test_acceleration.py",
 )  # fmt: skip
 
 
