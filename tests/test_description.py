@@ -122,13 +122,15 @@ def test_more_cells_than_the_machine_holds_are_refused_in_one_sentence(
 
 
 @pytest.mark.parametrize("name", list_cases())
-def test_every_run_of_the_library_is_described(name: str) -> None:
+def test_every_run_of_the_library_is_described_and_has_a_finite_cost(name: str) -> None:
     for run in load_case(name, "quick").expanded_runs():
         case = load_case(name, "quick", run)
-        said = describe(case, case.run_spec(run).solver)
+        planned = plan(case, run)
+        said, cost = planned.described, planned.cost
         assert said.cells > 0 and said.points >= said.cells and said.unknowns_displacement > 0
         assert (said.unknowns_phase_field > 0) == case.fracture_enabled
         assert (said.stable_step is None) == (case.dynamics is None)
+        assert 0.0 < cost.seconds < 1e4 and 100.0 < cost.memory_mb < 1e5 and cost.iterations > 0.0
 
 
 def test_a_third_method_is_a_package_and_a_registration(
