@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.body_surface import find_gaps, find_mass_slopes, find_normals, find_reach
+from mpm.explicit.listed_arrays import Touching
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.rigid_body import BodyOfKeptVelocity
 from mpm.explicit.rigid_contact import RigidSide, count_impulses, press, rigid_side
@@ -25,28 +26,6 @@ LEFT_BY_OTHERS = 1e-3
 COUNTERS = ("contact_nodes", "contact_C1", "contact_C2", "contact_C3", "contact_C4")
 #: passes over the pairs where a node may belong to more than two bodies, and the most where one of them is free and rigid
 SWEEPS, MOST_SWEEPS = 5, 100
-
-
-class Touching(NamedTuple):
-    """Nodes that a pair of bodies shares in a step, with room for more (m).
-
-    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) [length];
-    ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
-    and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
-    """
-
-    nodes: NDArray
-    normal: NDArray
-    gap: NDArray
-    opposed: NDArray
-    pushes: NDArray
-    drags: NDArray
-
-    @classmethod
-    def room(cls, m: int) -> Touching:
-        """For so many nodes."""
-        gap, pushes, drags = np.zeros((3, m))
-        return cls(np.zeros((2, m), np.int64), np.zeros((2, m)), gap, np.zeros(m, bool), pushes, drags)
 
 
 class ContactSide(NamedTuple):

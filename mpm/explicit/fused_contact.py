@@ -11,33 +11,64 @@ from numpy.typing import NDArray
 
 from mpm.explicit.body_surface import find_gaps, find_normals
 from mpm.explicit.contact import (
-    MOST_SWEEPS, ContactSide, ContactSums, Touching, check_impenetrability, load_floor, meet, share_nodes,
+    MOST_SWEEPS, ContactSide, ContactSums, check_impenetrability, load_floor, meet, share_nodes,
 )  # fmt: skip
 from mpm.explicit.listed_arrays import (
-    ListedArrays, floats, floats_in_two_rows, integers_in_two_rows, matter_of, motion_of, starts_of, sums_of, surface_of,
-    truths, velocities_of,
+    MATTER, MOTION, SORTING, SUMS, SURFACE, TOUCHING, VELOCITIES, ListedArrays, group,
 )  # fmt: skip
-from mpm.explicit.rigid_contact import FREE, KEPT, RigidSide, count_impulses, press
+from mpm.explicit.rigid_contact import KEPT, RigidSide, count_impulses, press
 from mpm.explicit.transfers import transfers
 
+#: columns of ``ListedBodies.whole``: what carries the nodes, as of ``rigid_contact``; nodes of the window in y, and its
+#: corner (2,) in the lattice; whether the body is to be mapped to the grid: one at rest is there once for each window
+KIND, WIDTH, CORNER, UNMAPPED = 0, 1, 2, 4
+#: columns of ``ListedBodies.numbers``: in-plane Lamé constants (2,); how far, and the largest speed, as of ``Wandering``;
+#: lag (2,); of a free rigid body how far it reaches from its centre, and the place (2,) of its window's first node [length]
+LAW, FAR, SPEED, LAG, REACH, FIRST_NODE = 0, 2, 3, 4, 6, 7
+#: rows of ``ListedBodies.rigid``
+VELOCITY, BEFORE, PLACE, INVERSES = range(4)
 
-class ListedPairs(NamedTuple):
-    """Pairs (n_pairs,) of bodies that may touch; rows of ``arrays`` are those of ``Touching``.
 
-    ``bodies`` (n_pairs, 2) their numbers; ``holds`` (n_pairs, 2) whose normal alone holds; ``on_floor``, ``is_free_rigid``
-    and ``friction`` as of ``Pair``; ``corners`` (n_pairs, 2, 2) and ``extent`` (n_pairs, 2) of the nodes that windows have
-    in common; ``counts`` (n_pairs,) of those that both bodies share.
+class ListedBodies(NamedTuple):
+    """Bodies (n,) as compiled steps take them.
+
+    Attributes
+    ----------
+    arrays : rows of ``listed_arrays.KINDS``. whole (n, 5), numbers (n, 9) : as the columns above are named.
+    rigid : (n, 4, 3) velocity after and before the step and place of free rigid bodies, and one over mass and moment of
+        inertia.
+    kept_velocities : (n, 2) of bodies that keep theirs.
     """
 
     arrays: ListedArrays
-    bodies: NDArray
-    holds: NDArray
-    on_floor: NDArray
-    is_free_rigid: NDArray
+    whole: NDArray
+    numbers: NDArray
+    rigid: NDArray
+    kept_velocities: NDArray
+
+
+#: columns of ``ListedPairs.whole``: numbers (2,) of the bodies, whose (2,) normal alone holds, whether one of them keeps its
+#: velocity, and whether one is free and rigid
+BODIES, HOLDS, ON_FLOOR, IS_FREE_RIGID = 0, 2, 4, 5
+
+
+class ListedPairs(NamedTuple):
+    """Pairs (n_pairs,) of bodies that may touch.
+
+    Attributes
+    ----------
+    arrays : rows of ``Touching``. whole (n_pairs, 6) : as the columns above are named. friction : (n_pairs,).
+    corners (n_pairs, 2, 2), extent (n_pairs, 2) : of the nodes that their windows have in common.
+    counts : (n_pairs,) of the nodes that both bodies share. spare : room for as many nodes as all pairs have.
+    """
+
+    arrays: ListedArrays
+    whole: NDArray
     friction: NDArray
     corners: NDArray
     extent: NDArray
     counts: NDArray
+    spare: NDArray
 
 
 class ContactState(NamedTuple):
@@ -50,28 +81,23 @@ class ContactState(NamedTuple):
 
 
 @njit
-def touching_of(pairs, n):
-    """``Touching`` of a pair."""
-    a = pairs.arrays
-    return Touching(
-        integers_in_two_rows(a, n, 0), floats_in_two_rows(a, n, 1), floats(a, n, 2), truths(a, n, 3), floats(a, n, 4),
-        floats(a, n, 5),
-    )  # fmt: skip
-
-
-@njit
 def _side(bodies, n):
-    velocities = velocities_of(bodies.arrays, n)
-    return ContactSide(sums_of(bodies.arrays, n).m, velocities.vx, velocities.vy, n, bodies.kinds[n] == KEPT)
+    nodes = group(VELOCITIES, bodies.arrays, n)
+    return ContactSide(group(SUMS, bodies.arrays, n).m, nodes.vx, nodes.vy, n, bodies.whole[n, KIND] == KEPT)
 
 
 @njit
 def _rigid_side(bodies, n, h):
-    velocities, centre = velocities_of(bodies.arrays, n), bodies.place[n, :2] - bodies.first_node[n]
+    nodes, centre = group(VELOCITIES, bodies.arrays, n), np.empty(2)
+    for part in range(2):
+        centre[part] = bodies.rigid[n, PLACE, part] - bodies.numbers[n, FIRST_NODE + part]
     return RigidSide(
-        bodies.kinds[n], sums_of(bodies.arrays, n).m, velocities.vx, velocities.vy, bodies.velocity[n], centre,
-        bodies.inverses[n], h, bodies.widths[n], n,
+        bodies.whole[n, KIND], group(SUMS, bodies.arrays, n).m, nodes.vx, nodes.vy, bodies.rigid[n, VELOCITY], centre,
+        bodies.rigid[n, INVERSES], h, bodies.whole[n, WIDTH], n,
     )  # fmt: skip
+
+
+# ---------------------------------------------------------------- which nodes touch
 
 
 def detect(k, bodies, pairs, h, by_distance):
@@ -80,152 +106,119 @@ def detect(k, bodies, pairs, h, by_distance):
 
 @overload(detect, prefer_literal=True)
 def _detect(k, bodies, pairs, h, by_distance):
-    count = k.literal_value
+    loops = transfers(k.literal_value - 1)
+    mass_slopes, reaches = loops.mass_slopes, loops.reaches
 
     def found(k, bodies, pairs, h, by_distance):
+        arrays = bodies.arrays
         for n in range(len(pairs.counts)):
-            _share(bodies, pairs, n)
-        for body in range(len(bodies.kinds)):
-            _find_slopes(count, bodies, pairs, body)
+            one, two = pairs.whole[n, BODIES], pairs.whole[n, BODIES + 1]
+            pairs.counts[n] = share_nodes(
+                group(SUMS, arrays, one).m, bodies.whole[one, WIDTH], pairs.corners[n, 0], group(SUMS, arrays, two).m,
+                bodies.whole[two, WIDTH], pairs.corners[n, 1], pairs.extent[n], group(TOUCHING, pairs.arrays, n).nodes,
+            )  # fmt: skip
+        for body in range(len(bodies.whole)):
+            nodes = _own_nodes(pairs, body)
+            if len(nodes) > 0:
+                mass_slopes(
+                    nodes, group(SORTING, arrays, body).starts, group(MOTION, arrays, body), group(MATTER, arrays, body),
+                    bodies.whole[body, WIDTH], group(SURFACE, arrays, body),
+                )  # fmt: skip
         for n in range(len(pairs.counts)):
-            if pairs.counts[n] > 0:
-                _touch(count, bodies, pairs, n, h, by_distance)
+            if pairs.counts[n] == 0:
+                continue
+            one, two, touching = pairs.whole[n, BODIES], pairs.whole[n, BODIES + 1], group(TOUCHING, pairs.arrays, n)
+            first, second = group(SURFACE, arrays, one), group(SURFACE, arrays, two)
+            first_holds, second_holds = pairs.whole[n, HOLDS] == 1, pairs.whole[n, HOLDS + 1] == 1
+            count = find_normals(first, second, first_holds, second_holds, touching, pairs.counts[n])
+            pairs.counts[n] = count
+            if by_distance and count > 0:
+                for side in range(2):
+                    body = pairs.whole[n, BODIES + side]
+                    reaches(
+                        group(SORTING, arrays, body).starts, group(MOTION, arrays, body), group(MATTER, arrays, body),
+                        bodies.whole[body, WIDTH], group(SURFACE, arrays, body),
+                    )  # fmt: skip
+                find_gaps(first, second, h, touching, count)
 
     return found
-
-
-@njit
-def _share(bodies, pairs, n):
-    one, two = pairs.bodies[n, 0], pairs.bodies[n, 1]
-    pairs.counts[n] = share_nodes(
-        sums_of(bodies.arrays, one).m, bodies.widths[one], pairs.corners[n, 0], sums_of(bodies.arrays, two).m,
-        bodies.widths[two], pairs.corners[n, 1], pairs.extent[n], touching_of(pairs, n).nodes,
-    )  # fmt: skip
 
 
 @njit
 def _own_nodes(pairs, body):
     """The nodes that a body shares with any other, in its window."""
-    count = 0
-    for n in range(len(pairs.counts)):
-        if pairs.bodies[n, 0] == body or pairs.bodies[n, 1] == body:
-            count += pairs.counts[n]
-    nodes, start = np.empty(count, np.int64), 0
+    total = 0
     for n in range(len(pairs.counts)):
         for side in range(2):
-            if pairs.bodies[n, side] == body:
-                nodes[start : start + pairs.counts[n]] = touching_of(pairs, n).nodes[side, : pairs.counts[n]]
-                start += pairs.counts[n]
-    return nodes
+            if pairs.whole[n, BODIES + side] == body:
+                nodes = group(TOUCHING, pairs.arrays, n).nodes
+                for i in range(pairs.counts[n]):
+                    pairs.spare[total + i] = nodes[side, i]
+                total += pairs.counts[n]
+    return pairs.spare[:total]
 
 
-def _find_slopes(k, bodies, pairs, body):
-    """Mass gradients of a body at its shared nodes."""
+# ---------------------------------------------------------------- impulses
 
 
-@overload(_find_slopes, prefer_literal=True)
-def _find_slopes_of_order(k, bodies, pairs, body):
-    mass_slopes = transfers(k.literal_value - 1).mass_slopes
-
-    def found(k, bodies, pairs, body):
-        nodes, arrays = _own_nodes(pairs, body), bodies.arrays
-        if len(nodes) > 0:
-            mass_slopes(
-                nodes, starts_of(arrays, body), motion_of(arrays, body), matter_of(arrays, body), bodies.widths[body],
-                surface_of(arrays, body),
-            )  # fmt: skip
-
-    return found
+@njit
+def meet_pair(bodies, pairs, n, step, contact):
+    """Correct the nodes' velocities by the contact forces (Eqs. 6.28 to 6.40) of two bodies that are not free and rigid."""
+    count, touching = pairs.counts[n], group(TOUCHING, pairs.arrays, n)
+    if count > 0:
+        first, second = _side(bodies, pairs.whole[n, BODIES]), _side(bodies, pairs.whole[n, BODIES + 1])
+        meet(first, second, touching, count, step, pairs.friction[n], bodies.kept_velocities, contact.sums)
+        _load_floor(bodies, pairs, n, touching, contact)
 
 
-def _touch(k, bodies, pairs, n, h, by_distance):
-    """Collinear normals and gaps of a pair."""
-
-
-@overload(_touch, prefer_literal=True)
-def _touch_of_order(k, bodies, pairs, n, h, by_distance):
-    reaches = transfers(k.literal_value - 1).reaches
-
-    def found(k, bodies, pairs, n, h, by_distance):
-        one, two, arrays, touching = pairs.bodies[n, 0], pairs.bodies[n, 1], bodies.arrays, touching_of(pairs, n)
-        first, second = surface_of(arrays, one), surface_of(arrays, two)
-        pairs.counts[n] = find_normals(first, second, pairs.holds[n, 0], pairs.holds[n, 1], touching, pairs.counts[n])
-        if by_distance and pairs.counts[n] > 0:
-            for body in (one, two):
-                reaches(
-                    starts_of(arrays, body), motion_of(arrays, body), matter_of(arrays, body), bodies.widths[body],
-                    surface_of(arrays, body),
-                )  # fmt: skip
-            find_gaps(first, second, h, touching, pairs.counts[n])
-
-    return found
+@njit(inline="always")
+def _load_floor(bodies, pairs, n, touching, contact):
+    if pairs.whole[n, ON_FLOOR] == 1:
+        one = pairs.whole[n, BODIES]
+        first = bodies.whole[one, CORNER] - contact.first_column
+        load_floor(touching, pairs.counts[n], first, bodies.whole[one, WIDTH], contact.floor_load)
 
 
 @njit
 def exchange(bodies, pairs, h, step, sweeps, contact):
-    """Correct the nodes' velocities by the contact forces of pairs without a free rigid body (Eqs. 6.28 to 6.40)."""
-    for sweep in range(sweeps):
-        for n in range(len(pairs.counts)):
-            if pairs.counts[n] > 0:
-                _meet(bodies, pairs, n, step, contact)
-    if sweeps > 1:
-        _check(bodies, pairs, step, contact)
-
-
-@njit
-def exchange_with_rigid(bodies, pairs, h, step, sweeps, contact):
-    """The same where bodies move freely as rigid ones."""
+    """The same of all pairs, some of them with free rigid bodies."""
     touching = 0
     for n in range(len(pairs.counts)):
         touching += pairs.counts[n] > 0
-        if pairs.counts[n] > 0 and pairs.is_free_rigid[n]:
-            pushed = touching_of(pairs, n)
-            pushed.pushes[: pairs.counts[n]] = 0.0
-            pushed.drags[: pairs.counts[n]] = 0.0
+        pushed = group(TOUCHING, pairs.arrays, n)
+        if pairs.whole[n, IS_FREE_RIGID] == 1:
+            for i in range(pairs.counts[n]):
+                pushed.pushes[i] = pushed.drags[i] = 0.0
     for sweep in range(MOST_SWEEPS):
         moved = False
         for n in range(len(pairs.counts)):
-            if pairs.counts[n] > 0 and pairs.is_free_rigid[n]:
-                first, second = _rigid_side(bodies, pairs.bodies[n, 0], h), _rigid_side(bodies, pairs.bodies[n, 1], h)
-                passes = press(first, second, touching_of(pairs, n), pairs.counts[n], step, pairs.friction[n])
+            if pairs.counts[n] > 0 and pairs.whole[n, IS_FREE_RIGID] == 1:
+                first, second = (
+                    _rigid_side(bodies, pairs.whole[n, BODIES], h), _rigid_side(bodies, pairs.whole[n, BODIES + 1], h)
+                )  # fmt: skip
+                pushed = group(TOUCHING, pairs.arrays, n)
+                passes = press(first, second, pushed, pairs.counts[n], step, pairs.friction[n])
                 moved = moved or passes > 1
         for n in range(len(pairs.counts)):
-            if pairs.counts[n] > 0 and not pairs.is_free_rigid[n]:
-                _meet(bodies, pairs, n, step, contact)
+            if pairs.whole[n, IS_FREE_RIGID] == 0:
+                meet_pair(bodies, pairs, n, step, contact)
         if sweep + 1 >= sweeps and (touching == 1 or not moved):
             break
     for n in range(len(pairs.counts)):
-        if pairs.counts[n] > 0 and pairs.is_free_rigid[n]:
-            first, second = _rigid_side(bodies, pairs.bodies[n, 0], h), _rigid_side(bodies, pairs.bodies[n, 1], h)
-            count_impulses(
-                first, second, touching_of(pairs, n), pairs.counts[n], step, pairs.friction[n], bodies.kept_velocities,
-                contact.sums,
-            )  # fmt: skip
-            _load_floor(bodies, pairs, n, contact)
-    if sweeps > 1:
-        _check(bodies, pairs, step, contact)
+        if pairs.counts[n] > 0:
+            _finish(bodies, pairs, n, h, step, sweeps, contact)
 
 
 @njit
-def _meet(bodies, pairs, n, step, contact):
-    meet(
-        _side(bodies, pairs.bodies[n, 0]), _side(bodies, pairs.bodies[n, 1]), touching_of(pairs, n), pairs.counts[n], step,
-        pairs.friction[n], bodies.kept_velocities, contact.sums,
-    )  # fmt: skip
-    _load_floor(bodies, pairs, n, contact)
-
-
-@njit
-def _load_floor(bodies, pairs, n, contact):
-    if pairs.on_floor[n]:
-        one = pairs.bodies[n, 0]
-        first = bodies.corner[one, 0] - contact.first_column
-        load_floor(touching_of(pairs, n), pairs.counts[n], first, bodies.widths[one], contact.floor_load)
-
-
-@njit
-def _check(bodies, pairs, step, contact):
-    for n in range(len(pairs.counts)):
-        if pairs.counts[n] > 0 and not pairs.is_free_rigid[n]:
-            first, second = _side(bodies, pairs.bodies[n, 0]), _side(bodies, pairs.bodies[n, 1])
-            check_impenetrability(first, second, touching_of(pairs, n), pairs.counts[n], step, contact.sums.counts)
+def _finish(bodies, pairs, n, h, step, sweeps, contact):
+    """Count what a pair has done, and check it once more where others may have pushed it together again."""
+    one, two = pairs.whole[n, BODIES], pairs.whole[n, BODIES + 1]
+    touching, count = group(TOUCHING, pairs.arrays, n), pairs.counts[n]
+    if pairs.whole[n, IS_FREE_RIGID] == 1:
+        first, second = _rigid_side(bodies, one, h), _rigid_side(bodies, two, h)
+        count_impulses(
+            first, second, touching, count, step, pairs.friction[n], bodies.kept_velocities, contact.sums
+        )  # fmt: skip
+        _load_floor(bodies, pairs, n, touching, contact)
+    elif sweeps > 1:
+        check_impenetrability(_side(bodies, one), _side(bodies, two), touching, count, step, contact.sums.counts)

@@ -1,7 +1,7 @@
-"""Arrays of many bodies for one compiled call: tables of their addresses, and the groups that loops make of them.
+"""Arrays of many bodies for one compiled call: a table of their addresses, and the groups that loops take of them.
 
-A call of a compiled loop costs as much for each array that it is given as a step of some ten points. A table is one array
-for any number of bodies; whoever makes it holds the arrays for as long as it is used.
+A call of a compiled loop costs as much for each array that it is given as a step of some ten points, and each array makes
+it longer to compile. A table is of one size for any number of arrays; whoever makes it holds them for as long as it is used.
 """
 
 from __future__ import annotations
@@ -10,20 +10,62 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import carray, njit, types
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from mpm.explicit.points import ElasticState, Matter, PointMotion, VelocityGradient
 from mpm.explicit.window import NodeSums, NodeSurface, NodeVelocities
 
-#: groups of a body's arrays in the order in which they are listed, before single ones
-_KINDS: tuple[Any, ...] = (
-    Matter, PointMotion, VelocityGradient, ElasticState, NodeSums, NodeVelocities, NodeSurface,
+
+class Sorting(NamedTuple):
+    """Of a body's points: first ones of cells and strips, where the largest squares of speeds go, and the way (n, 2) to
+    each from the centre of a free rigid body."""
+
+    starts: NDArray
+    strips: NDArray
+    fastest: NDArray
+    arms: NDArray
+
+
+class Touching(NamedTuple):
+    """Nodes that a pair of bodies shares in a step, with room for more (m).
+
+    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) [length];
+    ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
+    and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
+    """
+
+    nodes: NDArray
+    normal: NDArray
+    gap: NDArray
+    opposed: NDArray
+    pushes: NDArray
+    drags: NDArray
+
+    @classmethod
+    def room(cls, m: int) -> Touching:
+        """For so many nodes."""
+        gap, pushes, drags = np.zeros((3, m))
+        return cls(np.zeros((2, m), np.int64), np.zeros((2, m)), gap, np.zeros(m, bool), pushes, drags)
+
+
+#: groups of a body's arrays in the order in which they are listed; that of a pair is listed alone
+KINDS: tuple[Any, ...] = (
+    Matter, PointMotion, VelocityGradient, ElasticState, NodeSums, NodeVelocities, NodeSurface, Sorting,
 )  # fmt: skip
-_FIRST = np.cumsum([0, *(len(kind._fields) for kind in _KINDS)]).tolist()
-_MATTER, _MOTION, _GRADIENT, _ELASTIC, _SUMS, _VELOCITIES, _SURFACE, _STARTS = _FIRST
-_STRIPS, _FASTEST, _ARMS = _STARTS + 1, _STARTS + 2, _STARTS + 3
+MATTER, MOTION, GRADIENT, ELASTIC, SUMS, VELOCITIES, SURFACE, SORTING = range(len(KINDS))
+TOUCHING = len(KINDS)
+_GROUPS = {number: (kind, sum(len(k._fields) for k in KINDS[:number])) for number, kind in enumerate(KINDS)}
+_GROUPS[TOUCHING] = (Touching, 0)
+#: of arrays that are not (n,) of floats: type, and shape
+_FORMS: dict[str, tuple[Any, tuple[int, ...]]] = {
+    **dict.fromkeys(("low", "high", "starts", "strips"), (types.int64, (-1,))), "arms": (types.float64, (-1, 2)),
+    "nodes": (types.int64, (2, -1)), "normal": (types.float64, (2, -1)), "opposed": (types.boolean, (-1,)),
+}  # fmt: skip
 
 
 class ListedArrays(NamedTuple):
@@ -40,132 +82,42 @@ class ListedArrays(NamedTuple):
         return cls(np.ascontiguousarray(pairs[..., 0]), np.ascontiguousarray(pairs[..., 1]))
 
 
-@intrinsic
-def _pointer(typing_context, address):
-    """The address as one of compiled code."""
+@intrinsic(prefer_literal=True)
+def group(typing_context, number, arrays, row):
+    """A group of a row by its number among the `KINDS`, as the named tuple that it was listed from."""
+    kind, first = _GROUPS[number.literal_value]
+    forms = [_FORMS.get(name, (types.float64, (-1,))) for name in kind._fields]
+    found = [types.Array(dtype, len(shape), "C") for dtype, shape in forms]
+    alike = len(set(found)) == 1
+    result = types.NamedUniTuple(found[0], len(found), kind) if alike else types.NamedTuple(tuple(found), kind)
 
     def generate(context, builder, signature, arguments):
-        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+        _, arrays, row = arguments
+        tables = [builder.extract_value(arrays, part) for part in range(2)]
+        tables = [context.make_array(signature.args[1][part])(context, builder, tables[part]) for part in range(2)]
+        columns = builder.extract_value(tables[0].shape, 1)
+        made = []
+        for n, (kind_of_array, (_, shape)) in enumerate(zip(found, forms, strict=True)):
+            place = builder.add(builder.mul(row, columns), row.type(first + n))
+            address, length = (builder.load(builder.gep(table.data, [place])) for table in tables)
+            made.append(_array(context, builder, kind_of_array, address, length, shape))
+        return context.make_tuple(builder, signature.return_type, made)
 
-    return types.voidptr(types.int64), generate
-
-
-@njit(inline="always")
-def floats(listed, row, number):
-    """An array of a row as the caller made it, flat."""
-    return carray(_pointer(listed.addresses[row, number]), (listed.lengths[row, number],), np.float64)
-
-
-@njit(inline="always")
-def integers(listed, row, number):
-    """The same for whole numbers."""
-    return carray(_pointer(listed.addresses[row, number]), (listed.lengths[row, number],), np.int64)
+    return result(number, arrays, row), generate
 
 
-@njit(inline="always")
-def floats_in_two_rows(listed, row, number):
-    """An array (2, m) of a row."""
-    return carray(_pointer(listed.addresses[row, number]), (2, listed.lengths[row, number] // 2), np.float64)
-
-
-@njit(inline="always")
-def integers_in_two_rows(listed, row, number):
-    """The same for whole numbers."""
-    return carray(_pointer(listed.addresses[row, number]), (2, listed.lengths[row, number] // 2), np.int64)
-
-
-@njit(inline="always")
-def truths(listed, row, number):
-    """An array of truth values of a row."""
-    return carray(_pointer(listed.addresses[row, number]), (listed.lengths[row, number],), np.bool_)
-
-
-# ---------------------------------------------------------------- of a body
-
-
-@njit
-def matter_of(listed, body):
-    """``Matter`` of a body."""
-    n = _MATTER
-    return Matter(
-        floats(listed, body, n), floats(listed, body, n + 1), floats(listed, body, n + 2), floats(listed, body, n + 3)
-    )
-
-
-@njit
-def motion_of(listed, body):
-    """``PointMotion`` of a body."""
-    n = _MOTION
-    return PointMotion(
-        floats(listed, body, n), floats(listed, body, n + 1), floats(listed, body, n + 2), floats(listed, body, n + 3),
-        floats(listed, body, n + 4), floats(listed, body, n + 5),
+def _array(context, builder, kind, address, length, shape):
+    """An array without gaps of a shape, in which -1 stands for what the length leaves, at an address."""
+    array = context.make_array(kind)(context, builder)
+    whole, item = length.type, context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    others = int(np.prod([size for size in shape if size > 0]))
+    left = length if others == 1 else builder.sdiv(length, whole(others))
+    sizes = [left if size < 0 else whole(size) for size in shape]
+    strides: list[ir.Value] = [whole(item)]
+    for size in reversed(sizes[1:]):
+        strides.insert(0, builder.mul(strides[0], size))
+    populate_array(
+        array, data=builder.inttoptr(address, array.data.type), shape=cgutils.pack_array(builder, sizes),
+        strides=cgutils.pack_array(builder, strides), itemsize=whole(item), meminfo=None,
     )  # fmt: skip
-
-
-@njit
-def gradient_of(listed, body):
-    """``VelocityGradient`` of a body."""
-    n = _GRADIENT
-    return VelocityGradient(
-        floats(listed, body, n), floats(listed, body, n + 1), floats(listed, body, n + 2), floats(listed, body, n + 3)
-    )
-
-
-@njit
-def elastic_of(listed, body):
-    """``ElasticState`` of a body."""
-    n = _ELASTIC
-    return ElasticState(
-        floats(listed, body, n), floats(listed, body, n + 1), floats(listed, body, n + 2), floats(listed, body, n + 3),
-        floats(listed, body, n + 4), floats(listed, body, n + 5),
-    )  # fmt: skip
-
-
-@njit
-def sums_of(listed, body):
-    """``NodeSums`` of a body's window."""
-    return NodeSums(floats(listed, body, _SUMS), floats(listed, body, _SUMS + 1))
-
-
-@njit
-def velocities_of(listed, body):
-    """``NodeVelocities`` of a body's window."""
-    n = _VELOCITIES
-    return NodeVelocities(
-        floats(listed, body, n), floats(listed, body, n + 1), floats(listed, body, n + 2), floats(listed, body, n + 3),
-        floats(listed, body, n + 4),
-    )  # fmt: skip
-
-
-@njit
-def surface_of(listed, body):
-    """``NodeSurface`` of a body's window."""
-    n = _SURFACE
-    return NodeSurface(
-        floats(listed, body, n), floats(listed, body, n + 1), floats(listed, body, n + 2), floats(listed, body, n + 3),
-        floats(listed, body, n + 4), integers(listed, body, n + 5), integers(listed, body, n + 6),
-    )  # fmt: skip
-
-
-@njit
-def starts_of(listed, body):
-    """First points of the cells of a body's window."""
-    return integers(listed, body, _STARTS)
-
-
-@njit
-def strips_of(listed, body):
-    """First points of its strips."""
-    return integers(listed, body, _STRIPS)
-
-
-@njit
-def fastest_of(listed, body):
-    """Where its points' update leaves the largest squares of speeds."""
-    return floats(listed, body, _FASTEST)
-
-
-@njit
-def arms_of(listed, body):
-    """From the centre of a free rigid body to its points (n, 2)."""
-    return carray(_pointer(listed.addresses[body, _ARMS]), (listed.lengths[body, _ARMS] // 2, 2), np.float64)
+    return array._getvalue()

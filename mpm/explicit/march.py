@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.contact import Contact
-from mpm.explicit.fused_contact import ContactState, ListedPairs
-from mpm.explicit.fused_step import NO_LINE, Driving, ListedBodies, ListedLines, Scheme, steps_of
-from mpm.explicit.listed_arrays import ListedArrays
+from mpm.explicit.fused_contact import (
+    FAR, FIRST_NODE, INVERSES, LAG, LAW, PLACE, REACH, SPEED, VELOCITY, ContactState, ListedBodies, ListedPairs,
+)  # fmt: skip
+from mpm.explicit.fused_step import ALONE, MANY, NO_LINE, PAIR, Driving, ListedLines, Scheme, steps_of
+from mpm.explicit.listed_arrays import ListedArrays, Sorting
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.prescribed import HeldLine
 from mpm.explicit.rigid_body import BodyOfKeptVelocity, FreeRigidBody
@@ -37,7 +39,8 @@ class March:
             lattice.h, lattice.origin.astype(float), dynamics.flip, dynamics.rotation == "corotational", float(dynamics.affine),
             dynamics.order_of_update == "musl", case.contact.by_distance, contact.sweeps, not frame.at_rest,
         )  # fmt: skip
-        self._steps = steps_of(lattice.order, any(isinstance(body, FreeRigidBody) for body in bodies))
+        simple = len(bodies) == 2 and not any(pair.is_free_rigid for pair in contact.pairs)
+        self._steps = steps_of(lattice.order, ALONE if not contact.pairs else PAIR if simple else MANY)
         self._most = max(1, MOST_POINT_STEPS // sum(len(body.points.number) for body in bodies))
         self._listed: list[object] = []
         self._error: BlewUpError | None = None
@@ -53,11 +56,10 @@ class March:
             body.keep_sorted(size)
         self._list_anew()
         times = times[: self._most]
-        in_lines = [line.motion(times, size) for line in self._lines]
-        velocities, places = (
-            np.array([part[n] for part in in_lines]).reshape(len(in_lines), len(times)).T.copy() for n in range(2)
-        )
-        driving = Driving(self._frame.accelerations(times + 0.5 * size), self._frame.dampings(times), velocities, places)
+        in_lines = np.zeros((2, len(self._lines), len(times)))
+        for n, line in enumerate(self._lines):
+            in_lines[:, n] = line.motion(times, size)
+        driving = Driving(self._frame.accelerations(times + 0.5 * size), self._frame.dampings(times), in_lines)
         self._take_in()
         done, lost = self._steps(
             self._table, self._pairs, self._contact_state(), self._line_table, driving, self._scheme, size, work
@@ -85,40 +87,30 @@ class March:
         self._listed = held
 
     def _list_bodies(self) -> ListedBodies:
-        rows, n = [], len(self._bodies)
+        rows, whole, numbers = [], np.zeros((len(self._bodies), 5), np.int64), np.zeros((len(self._bodies), 9))
         self._arms = [body.arms() if isinstance(body, FreeRigidBody) else np.zeros((0, 2)) for body in self._bodies]
-        for body, arms in zip(self._bodies, self._arms, strict=True):
+        for n, (body, arms) in enumerate(zip(self._bodies, self._arms, strict=True)):
             p, window = body.points, body.window
-            groups = (p.matter, p.motion, p.gradient, p.elastic, window.sums, window.velocities, window.surface)
-            rows.append([*(array for group in groups for array in group), window.starts, window.strips])
-            rows[-1] += [body.wandering.fastest, arms]
-        return ListedBodies(
-            arrays=ListedArrays.of(rows),
-            kinds=np.array([_kind(body) for body in self._bodies]),
-            widths=np.array([body.window.width for body in self._bodies]),
-            corner=np.array([body.window.corner for body in self._bodies]),
-            first_node=np.array([body.window.first_node(body.lattice) for body in self._bodies]),
-            laws=np.array([body.law[:2] for body in self._bodies]),
-            kept_velocities=self._contact.kept_velocities,
-            unmapped=np.ones(n, bool), wandered=np.zeros((n, 2)), lag=np.zeros((n, 2)), velocity=np.zeros((n, 3)),
-            before=np.zeros((n, 3)), place=np.zeros((n, 3)), inverses=np.zeros((n, 2)), reach=np.zeros(n),
-        )  # fmt: skip
+            sorting = Sorting(window.starts, window.strips, body.wandering.fastest, arms)
+            groups = (p.matter, p.motion, p.gradient, p.elastic, window.sums, window.velocities, window.surface, sorting)
+            rows.append([array for group in groups for array in group])
+            whole[n] = _kind(body), window.width, *window.corner, True
+            numbers[n, LAW : LAW + 2] = body.law[:2]
+            numbers[n, FIRST_NODE : FIRST_NODE + 2] = window.first_node(body.lattice)
+        rigid = np.zeros((len(self._bodies), 4, 3))
+        return ListedBodies(ListedArrays.of(rows), whole, numbers, rigid, self._contact.kept_velocities)
 
     def _list_pairs(self) -> ListedPairs:
         pairs = self._contact.pairs
         overlaps = [pair.overlap() for pair in pairs]
         corners = [(overlap.corner_in_one, overlap.corner_in_two) for overlap in overlaps]
+        whole = [(*pair.numbers, *pair.holds, pair.on_floor, pair.is_free_rigid) for pair in pairs]
         return ListedPairs(
-            arrays=ListedArrays.of([pair.touching for pair in pairs]),
-            bodies=np.array([pair.numbers for pair in pairs], np.int64).reshape(-1, 2),
-            holds=np.array([pair.holds for pair in pairs], bool).reshape(-1, 2),
-            on_floor=np.array([pair.on_floor for pair in pairs], bool),
-            is_free_rigid=np.array([pair.is_free_rigid for pair in pairs], bool),
-            friction=np.array([pair.friction for pair in pairs], float),
-            corners=np.array(corners, np.int64).reshape(-1, 2, 2),
-            extent=np.array([overlap.extent for overlap in overlaps], np.int64).reshape(-1, 2),
-            counts=np.zeros(len(pairs), np.int64),
-        )
+            ListedArrays.of([pair.touching for pair in pairs]), np.array(whole, np.int64).reshape(-1, 6),
+            np.array([pair.friction for pair in pairs], float), np.array(corners, np.int64).reshape(-1, 2, 2),
+            np.array([overlap.extent for overlap in overlaps], np.int64).reshape(-1, 2), np.zeros(len(pairs), np.int64),
+            np.zeros(sum(len(pair.touching.gap) for pair in pairs), np.int64),
+        )  # fmt: skip
 
     def _contact_state(self) -> ContactState:
         """Sums of contact, with room for the load on floors."""
@@ -132,30 +124,32 @@ class March:
         for line in self._lines:
             line.motion(np.zeros(0), 1.0)
         number = {id(body): n for n, body in enumerate(self._bodies)}
-        each = [(number[id(line.body)], line.component, line.stride, line.cells) for line in self._lines]
-        columns = np.array(each, np.int64).reshape(-1, 4).T.copy()
+        first = np.cumsum([0, *(len(line.rows) for line in self._lines)]).tolist()
+        whole = [
+            (number[id(line.body)], line.component, line.stride, line.cells, first[n], first[n + 1])
+            for n, line in enumerate(self._lines)
+        ]
         rows = np.concatenate([np.zeros(0, np.int64), *(line.rows for line in self._lines)])
-        first = np.cumsum([0, *(len(line.rows) for line in self._lines)])
-        return ListedLines(*columns, rows, first)
+        return ListedLines(np.array(whole, np.int64).reshape(-1, 6), rows)
 
     def _take_in(self) -> None:
         """Numbers of the bodies into the table."""
-        table = self._table
+        numbers, rigid = self._table.numbers, self._table.rigid
         for n, body in enumerate(self._bodies):
-            table.wandered[n] = body.wandering.far, body.wandering.largest_speed
-            table.lag[n] = body.lag
+            numbers[n, FAR], numbers[n, SPEED] = body.wandering.far, body.wandering.largest_speed
+            numbers[n, LAG : LAG + 2] = body.lag
             if isinstance(body, FreeRigidBody):
-                table.velocity[n], table.place[n], table.inverses[n] = body.velocity, body.place, body.inverses
-                table.reach[n] = body.reach
+                rigid[n, VELOCITY], rigid[n, PLACE], rigid[n, INVERSES, :2] = body.velocity, body.place, body.inverses
+                numbers[n, REACH] = body.reach
 
     def _hand_out(self) -> None:
         """And back to the bodies."""
-        table = self._table
+        numbers, rigid = self._table.numbers, self._table.rigid
         for n, body in enumerate(self._bodies):
-            body.wandering.far, body.wandering.largest_speed = table.wandered[n].tolist()
-            body.lag = table.lag[n].copy()
+            body.wandering.far, body.wandering.largest_speed = numbers[n, FAR : SPEED + 1].tolist()
+            body.lag = numbers[n, LAG : LAG + 2].copy()
             if isinstance(body, FreeRigidBody):
-                body.velocity[:], body.place[:] = table.velocity[n], table.place[n]
+                body.velocity[:], body.place[:] = rigid[n, VELOCITY], rigid[n, PLACE]
         for pair, count in zip(self._contact.pairs, self._pairs.counts.tolist(), strict=True):
             pair.count = count
 
