@@ -20,7 +20,8 @@ class MovingFrame:
     def __init__(self, case: Case) -> None:
         assert case.dynamics is not None
         dynamics = case.dynamics
-        self._gravity, self._damping, self._settling = np.array(dynamics.gravity, float), dynamics.damping, dynamics.settling
+        self._gravity = np.array(dynamics.gravity, float)
+        self._damping, self._settling = dynamics.damping, dynamics.settling
         self._ground = ground_motion(case) if dynamics.ground else None
         self._direction = np.eye(2)["xy".index(dynamics.ground.direction)] if dynamics.ground else np.zeros(2)
         self.at_rest = not self._gravity.any() and self._ground is None

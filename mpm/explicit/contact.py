@@ -73,8 +73,10 @@ class Overlap(NamedTuple):
 
 
 class FloorLoad(NamedTuple):
-    """Push (n,) on bodies that keep their velocity by columns of the lattice's nodes from a first one on [force time]; NaN
-    where nothing has touched."""
+    """Push (n,) on bodies that keep their velocity by columns of the lattice's nodes from a first one on [force time].
+
+    It is NaN where nothing has touched.
+    """
 
     first: int
     push: NDArray

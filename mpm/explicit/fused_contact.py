@@ -11,10 +11,24 @@ from numpy.typing import NDArray
 
 from mpm.explicit.body_surface import find_gaps, find_normals
 from mpm.explicit.contact import (
-    MOST_SWEEPS, ContactSide, ContactSums, check_impenetrability, load_floor, meet, share_nodes,
+    MOST_SWEEPS,
+    ContactSide,
+    ContactSums,
+    check_impenetrability,
+    load_floor,
+    meet,
+    share_nodes,
 )  # fmt: skip
 from mpm.explicit.listed_arrays import (
-    MATTER, MOTION, SORTING, SUMS, SURFACE, TOUCHING, VELOCITIES, ListedArrays, group,
+    MATTER,
+    MOTION,
+    SORTING,
+    SUMS,
+    SURFACE,
+    TOUCHING,
+    VELOCITIES,
+    ListedArrays,
+    group,
 )  # fmt: skip
 from mpm.explicit.rigid_contact import KEPT, RigidSide, count_impulses, press
 from mpm.explicit.transfers import transfers
@@ -23,7 +37,7 @@ from mpm.explicit.transfers import transfers
 #: corner (2,) in the lattice; whether the body is to be mapped to the grid: one at rest is there once for each window
 KIND, WIDTH, CORNER, UNMAPPED = 0, 1, 2, 4
 #: columns of ``ListedBodies.numbers``: in-plane Lamé constants (2,); how far, and the largest speed, as of ``Wandering``;
-#: lag (2,); of a free rigid body how far it reaches from its centre, and the place (2,) of its window's first node [length]
+#: lag (2,); of a free rigid body how far it reaches from its centre, and the place (2,) of its window's first node
 LAW, FAR, SPEED, LAG, REACH, FIRST_NODE = 0, 2, 3, 4, 6, 7
 #: rows of ``ListedBodies.rigid``
 VELOCITY, BEFORE, PLACE, INVERSES = range(4)
@@ -47,8 +61,8 @@ class ListedBodies(NamedTuple):
     kept_velocities: NDArray
 
 
-#: columns of ``ListedPairs.whole``: numbers (2,) of the bodies, whose (2,) normal alone holds, whether one of them keeps its
-#: velocity, and whether one is free and rigid
+#: columns of ``ListedPairs.whole``: numbers (2,) of the bodies, whose (2,) normal alone holds, whether one of them keeps
+#: its velocity, and whether one is free and rigid
 BODIES, HOLDS, ON_FLOOR, IS_FREE_RIGID = 0, 2, 4, 5
 
 
@@ -163,7 +177,7 @@ def _own_nodes(pairs, body):
 
 @njit
 def meet_pair(bodies, pairs, n, step, contact):
-    """Correct the nodes' velocities by the contact forces (Eqs. 6.28 to 6.40) of two bodies that are not free and rigid."""
+    """Correct the nodes' velocities by contact forces (Eqs. 6.28 to 6.40) of two bodies that are not free and rigid."""
     count, touching = pairs.counts[n], group(TOUCHING, pairs.arrays, n)
     if count > 0:
         first, second = _side(bodies, pairs.whole[n, BODIES]), _side(bodies, pairs.whole[n, BODIES + 1])
@@ -216,9 +230,7 @@ def _finish(bodies, pairs, n, h, step, sweeps, contact):
     touching, count = group(TOUCHING, pairs.arrays, n), pairs.counts[n]
     if pairs.whole[n, IS_FREE_RIGID] == 1:
         first, second = _rigid_side(bodies, one, h), _rigid_side(bodies, two, h)
-        count_impulses(
-            first, second, touching, count, step, pairs.friction[n], bodies.kept_velocities, contact.sums
-        )  # fmt: skip
+        count_impulses(first, second, touching, count, step, pairs.friction[n], bodies.kept_velocities, contact.sums)
         _load_floor(bodies, pairs, n, touching, contact)
     elif sweeps > 1:
         check_impenetrability(_side(bodies, one), _side(bodies, two), touching, count, step, contact.sums.counts)

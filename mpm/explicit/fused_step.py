@@ -15,7 +15,21 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from mpm.explicit.fused_contact import (
-    BEFORE, CORNER, FAR, INVERSES, KIND, LAG, LAW, PLACE, REACH, SPEED, UNMAPPED, VELOCITY, WIDTH, detect, exchange,
+    BEFORE,
+    CORNER,
+    FAR,
+    INVERSES,
+    KIND,
+    LAG,
+    LAW,
+    PLACE,
+    REACH,
+    SPEED,
+    UNMAPPED,
+    VELOCITY,
+    WIDTH,
+    detect,
+    exchange,
     meet_pair,
 )  # fmt: skip
 from mpm.explicit.listed_arrays import ELASTIC, GRADIENT, MATTER, MOTION, SORTING, SUMS, VELOCITIES, group
@@ -41,8 +55,8 @@ class ListedLines(NamedTuple):
 
 
 class Driving(NamedTuple):
-    """What acts in each step: acceleration (n_steps, 2) of the frame, damping (n_steps,), and of each line its velocity and
-    place in its body's window (2, n_lines, n_steps), in cells."""
+    """What acts in each step: acceleration (n_steps, 2) of the frame, damping (n_steps,), and velocities of lines and their
+    places across their bodies' windows (2, n_lines, n_steps), in cells."""
 
     acceleration: NDArray
     damping: NDArray
@@ -50,8 +64,8 @@ class Driving(NamedTuple):
 
 
 class Scheme(NamedTuple):
-    """How a case is integrated: spacing, origin (2,) of the lattice, share of FLIP, whether strains turn, 1 where momenta are
-    affine, whether strains come last and gaps are measured; sweeps over the pairs, whether the frame accelerates bodies."""
+    """How a case is integrated: spacing, origin (2,) of the lattice, share of FLIP, whether strains turn, 1 where momenta
+    are affine, whether strains come last and gaps are measured, sweeps over the pairs, whether the frame accelerates."""
 
     h: float
     origin: NDArray
@@ -107,8 +121,8 @@ def hold_lines(order, bodies, lines, driven, now, impulses):
         if 0 <= cell < line[CELLS]:
             m, nodes = group(SUMS, bodies.arrays, line[BODY]).m, group(VELOCITIES, bodies.arrays, line[BODY])
             held, impulse = hold(
-                lines.rows[line[FIRST_ROW] : line[BEHIND_ROWS]], cell * line[STRIDE], line[STRIDE], order, place - cell, m,
-                nodes.vx if line[COMPONENT] == 0 else nodes.vy, velocity,
+                lines.rows[line[FIRST_ROW] : line[BEHIND_ROWS]], cell * line[STRIDE], line[STRIDE], order, place - cell,
+                m, nodes.vx if line[COMPONENT] == 0 else nodes.vy, velocity,
             )  # fmt: skip
         if not held:
             return n
@@ -130,7 +144,7 @@ def carried_by(bodies, body):
 @njit
 def count_work(bodies, accelerates, step, acceleration, damping, impulses, velocities, work):
     """Outer work and power (2,) of lines, damping and frame; lets the middle of each body go with its mean velocity."""
-    damped, given, pulled = 0.0, 0.0, 0.0
+    damped, given = 0.0, 0.0
     for n in range(len(impulses)):
         given += impulses[n] * velocities[n]
     if accelerates or damping != 0.0:
@@ -189,7 +203,7 @@ def is_sorted(bodies, h, step):
 
 
 def map_to_grid(k, meeting, bodies, scheme, again):
-    """Mass, momentum and minus internal forces of the bodies to the nodes; ``again``, of those that deform; k = order + 1."""
+    """Mass, momentum and minus internal forces of bodies to the nodes; ``again``, of those that deform; k = order + 1."""
 
 
 @overload(map_to_grid, prefer_literal=True)
@@ -201,11 +215,10 @@ def _map_to_grid(k, meeting, bodies, scheme, again):
         for body in range(len(bodies.whole)):
             kind, arrays = bodies.whole[body, KIND], bodies.arrays
             strips, motion = group(SORTING, arrays, body).strips, group(MOTION, arrays, body)
-            if rigid:
-                if kind == FREE and not again:
-                    sums = group(SUMS, arrays, body)
-                    masses(strips, motion, group(MATTER, arrays, body), bodies.whole[body, WIDTH], sums.m)
-                    continue
+            if rigid and kind == FREE and not again:
+                sums = group(SUMS, arrays, body)
+                masses(strips, motion, group(MATTER, arrays, body), bodies.whole[body, WIDTH], sums.m)
+                continue
             if kind == OWN_MASS or (kind == KEPT and bodies.whole[body, UNMAPPED] == 1 and not again):
                 to_grid(
                     strips, motion, group(MATTER, arrays, body), group(GRADIENT, arrays, body),
@@ -262,9 +275,9 @@ def steps_of(order: int, meeting: int) -> Any:
 def _steps(k, meeting):
     @njit(cache=True)
     def steps(bodies, pairs, contact, lines, driving, scheme, step, work):
-        """Steps until all are done, points are to be sorted anew, or a line has lost its body.
+        """Take steps until all are done, points are to be sorted anew, or a line has lost its body.
 
-        Returns the number of steps done and the line, or `NO_LINE`. ``work`` (2,) takes the work from outside and its power.
+        Returns the number of steps done, and the line or `NO_LINE`. ``work`` (2,) takes outer work and its power.
         """
         impulses, last = np.zeros(len(lines.whole)), len(driving.damping)
         for n in range(last):

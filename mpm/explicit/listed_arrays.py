@@ -1,7 +1,7 @@
 """Arrays of many bodies for one compiled call: a table of their addresses, and the groups that loops take of them.
 
 A call of a compiled loop costs as much for each array that it is given as a step of some ten points, and each array makes
-it longer to compile. A table is of one size for any number of arrays; whoever makes it holds them for as long as it is used.
+it longer to compile. A table is a single one for any number of arrays; whoever makes it holds them while it is used.
 """
 
 from __future__ import annotations

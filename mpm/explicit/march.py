@@ -11,7 +11,18 @@ from numpy.typing import NDArray
 from cases import Case
 from mpm.explicit.contact import Contact
 from mpm.explicit.fused_contact import (
-    FAR, FIRST_NODE, INVERSES, LAG, LAW, PLACE, REACH, SPEED, VELOCITY, ContactState, ListedBodies, ListedPairs,
+    FAR,
+    FIRST_NODE,
+    INVERSES,
+    LAG,
+    LAW,
+    PLACE,
+    REACH,
+    SPEED,
+    VELOCITY,
+    ContactState,
+    ListedBodies,
+    ListedPairs,
 )  # fmt: skip
 from mpm.explicit.fused_step import ALONE, MANY, NO_LINE, PAIR, Driving, ListedLines, Scheme, steps_of
 from mpm.explicit.listed_arrays import ListedArrays, Sorting
@@ -36,8 +47,9 @@ class March:
         self._bodies, self._contact, self._lines, self._frame = bodies, contact, lines, frame
         dynamics, lattice = case.dynamics, bodies[0].lattice
         self._scheme = Scheme(
-            lattice.h, lattice.origin.astype(float), dynamics.flip, dynamics.rotation == "corotational", float(dynamics.affine),
-            dynamics.order_of_update == "musl", case.contact.by_distance, contact.sweeps, not frame.at_rest,
+            lattice.h, lattice.origin.astype(float), dynamics.flip, dynamics.rotation == "corotational",
+            float(dynamics.affine), dynamics.order_of_update == "musl", case.contact.by_distance, contact.sweeps,
+            not frame.at_rest,
         )  # fmt: skip
         simple = len(bodies) == 2 and not any(pair.is_free_rigid for pair in contact.pairs)
         self._steps = steps_of(lattice.order, ALONE if not contact.pairs else PAIR if simple else MANY)

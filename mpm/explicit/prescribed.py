@@ -62,7 +62,7 @@ class HeldLine:
     _place_now: float = 0.0
 
     def motion(self, times: NDArray, size: float) -> tuple[NDArray, NDArray]:
-        """Velocities (n,) in steps that begin at times (n,), and the line's places then in the body's window, in cells."""
+        """Velocities (n,) in steps that begin at times (n,), and places then across the body's window, in cells."""
         if self._rows_of is not self.body.window:
             self._find_rows()
         if self.course is None:
