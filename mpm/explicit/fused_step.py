@@ -55,8 +55,8 @@ class ListedLines(NamedTuple):
 
 
 class Driving(NamedTuple):
-    """What acts in each step: acceleration (n_steps, 2) of the frame, damping (n_steps,), and velocities of lines and their
-    places across their bodies' windows (2, n_lines, n_steps), in cells."""
+    """What acts in each step: acceleration (n_steps, 2) of the frame, damping (n_steps,), and of lines velocities and
+    places across the windows of their bodies (2, n_lines, n_steps), in cells."""
 
     acceleration: NDArray
     damping: NDArray
