@@ -16,8 +16,9 @@ from pathlib import Path
 
 #: case, tier and run
 SCENES = (
-    ("rocking_pulse", "quick", "one_impact"), ("rocking_pulse", "paper", "one_impact"), ("vibrating_bar", "quick", "musl"),
-    ("vibrating_bar", "quick", "affine"), ("ring_collision", "quick", "case_i"), ("free_square", "paper", "usl"),
+    ("rocking_pulse", "quick", "one_impact"), ("rocking_pulse", "paper", "one_impact"),
+    ("vibrating_bar", "quick", "musl"), ("vibrating_bar", "quick", "affine"),
+    ("ring_collision", "quick", "case_i"), ("free_square", "paper", "usl"),
 )  # fmt: skip
 #: cells across the free square, of 3 x 3 points each
 SQUARE = 42
@@ -77,7 +78,7 @@ def of_copy(folder: Path) -> dict[str, tuple[int, float]]:
 if __name__ == "__main__":
     asked = arguments()
     for name in ("NUMBA_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ[name] = os.environ.get(name) if asked.measure else str(asked.threads)
+        os.environ.setdefault(name, str(asked.threads))
     if asked.measure:
         print(json.dumps(measure()))
         sys.exit()
@@ -90,7 +91,8 @@ if __name__ == "__main__":
         for folder in filter(None, (Path(), asked.against)):
             for scene, (n_points, seconds) in of_copy(folder).items():
                 copy = "this one" if folder == Path() else "the other one"
-                rows.append({"scene": scene, "copy": copy, "round": number, "points": n_points, "seconds_per_step": seconds})
+                row = {"scene": scene, "copy": copy, "round": number, "points": n_points}
+                rows.append(row | {"seconds_per_step": seconds})
     table = pd.DataFrame(rows).groupby(["scene", "copy", "points"], as_index=False)["seconds_per_step"].min()
     table["million_point_steps_per_second"] = table["points"] / table["seconds_per_step"] / 1e6
     print(table.to_string(index=False))
