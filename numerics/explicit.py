@@ -52,8 +52,9 @@ class DynamicDiscretisation(Protocol):
     def stable_step(self) -> float:
         """Largest time step by the case's rule, before the case's share [time]."""
 
-    def step(self, now: float, size: float) -> None:
-        """Go from time `now` to `now + size`, phase field included; raises BlewUpError."""
+    def steps(self, times: NDArray, size: float) -> int:
+        """Take some of the steps that begin at `times` (n,), at least one, and tell how many; raises BlewUpError of the
+        first one alone."""
 
     def balance(self) -> Balance:
         """Energies and momentum now; sums of the linear algebra's library would depend on its number of threads."""
@@ -188,19 +189,21 @@ class _TimeMarch:
             yield self._instant(0)
         elif self.after.is_last:
             return
-        begin = self.after.step if self.after else 0
-        for step in range(begin, self.n_steps):
-            try:
-                self.discretisation.step(self._time(step), self.size)
-            except BlewUpError as error:
-                yield self._instant(step + 1, f"step {step + 1} at t = {self._time(step + 1):.6g}: {error}")
-                return
-            self.discretisation.costs.count["steps"] += 1
-            if step + 1 in self.told:
-                instant = self._instant(step + 1)
-                yield instant
-                if instant.is_last:
+        step = self.after.step if self.after else 0
+        for told in sorted(told for told in self.told if told > step):
+            times = np.array([self._time(number) for number in range(step, told)])
+            while step < told:
+                try:
+                    done = self.discretisation.steps(times[len(times) - (told - step) :], self.size)
+                except BlewUpError as error:
+                    yield self._instant(step + 1, f"step {step + 1} at t = {self._time(step + 1):.6g}: {error}")
                     return
+                self.discretisation.costs.count["steps"] += done
+                step += done
+            instant = self._instant(step)
+            yield instant
+            if instant.is_last:
+                return
 
     def _time(self, step: int) -> float:
         return self.start + step * self.size

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from physics.rocking.ground import acceleration
 from physics.rocking.of_case import ground_motion
 
 
@@ -21,20 +20,32 @@ class MovingFrame:
     def __init__(self, case: Case) -> None:
         assert case.dynamics is not None
         dynamics = case.dynamics
-        self._gravity, self._damping, self._settling = np.array(dynamics.gravity), dynamics.damping, dynamics.settling
+        self._gravity = np.array(dynamics.gravity, float)
+        self._damping, self._settling = dynamics.damping, dynamics.settling
         self._ground = ground_motion(case) if dynamics.ground else None
         self._direction = np.eye(2)["xy".index(dynamics.ground.direction)] if dynamics.ground else np.zeros(2)
         self.at_rest = not self._gravity.any() and self._ground is None
 
     def acceleration(self, now: float) -> NDArray[np.float64]:
-        """Of all free bodies (2,): gravity, ramped in the settling, less the ground's (D'Alembert) [length/time²]."""
-        value = self._gravity
+        """Of all free bodies (2,) [length/time²]."""
+        return self.accelerations(np.array([now]))[0]  # type: ignore[no-any-return]
+
+    def accelerations(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of all free bodies (n, 2) at times (n,): gravity, ramped in the settling, less the ground's (D'Alembert)
+        [length/time²]."""
+        value = np.tile(self._gravity, (len(times), 1))
         if self._settling and self._settling.ramp > 0.0:
-            value = value * min(1.0, max(0.0, (now + self._settling.duration) / self._settling.ramp))
+            value *= np.clip((times + self._settling.duration) / self._settling.ramp, 0.0, 1.0)[:, None]
         if self._ground is not None:
-            value = value - acceleration(self._ground, now) * self._direction
+            value -= self._ground.acceleration(times)[:, None] * self._direction
         return value
 
     def damping(self, now: float) -> float:
         """Rate at which all velocities fall [1/time]."""
-        return self._settling.damping if self._settling and now < 0.0 else self._damping
+        return float(self.dampings(np.array([now]))[0])
+
+    def dampings(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same (n,) at times (n,)."""
+        if self._settling is None:
+            return np.full(len(times), self._damping)
+        return np.where(times < 0.0, self._settling.damping, self._damping)

@@ -115,6 +115,11 @@ class ExplicitFiniteElements:
             return courant_step(self.case)
         return 2.0 / float(np.sqrt(self.basis.largest_eigenvalue(self._law.lam, self._law.mu, self._density)))
 
+    def steps(self, times: NDArray, size: float) -> int:
+        """Take the first of the steps that begin at times (n,); raises BlewUpError."""
+        self.step(float(times[0]), size)
+        return 1
+
     def step(self, now: float, size: float) -> None:
         """Go from time `now` to `now + size`; raises BlewUpError."""
         self._bring_up_to_date()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cases import Case
 from mpm.explicit.body_surface import find_gaps, find_mass_slopes, find_normals, find_reach
+from mpm.explicit.listed_arrays import Touching
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.rigid_body import BodyOfKeptVelocity
 from mpm.explicit.rigid_contact import RigidSide, count_impulses, press, rigid_side
@@ -25,28 +26,6 @@ LEFT_BY_OTHERS = 1e-3
 COUNTERS = ("contact_nodes", "contact_C1", "contact_C2", "contact_C3", "contact_C4")
 #: passes over the pairs where a node may belong to more than two bodies, and the most where one of them is free and rigid
 SWEEPS, MOST_SWEEPS = 5, 100
-
-
-class Touching(NamedTuple):
-    """Nodes that a pair of bodies shares in a step, with room for more (m).
-
-    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) [length];
-    ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
-    and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
-    """
-
-    nodes: NDArray
-    normal: NDArray
-    gap: NDArray
-    opposed: NDArray
-    pushes: NDArray
-    drags: NDArray
-
-    @classmethod
-    def room(cls, m: int) -> Touching:
-        """For so many nodes."""
-        gap, pushes, drags = np.zeros((3, m))
-        return cls(np.zeros((2, m), np.int64), np.zeros((2, m)), gap, np.zeros(m, bool), pushes, drags)
 
 
 class ContactSide(NamedTuple):
@@ -93,6 +72,46 @@ class Overlap(NamedTuple):
         return cls(one, two, corner - one.corner, corner - two.corner, extent, int(extent[0] * extent[1]))
 
 
+class FloorLoad(NamedTuple):
+    """Push (n,) on bodies that keep their velocity by columns of the lattice's nodes from a first one on [force time].
+
+    It is NaN where nothing has touched.
+    """
+
+    first: int
+    push: NDArray
+
+    @classmethod
+    def nowhere(cls) -> FloorLoad:
+        """Without columns."""
+        return cls(0, np.zeros(0))
+
+    @classmethod
+    def of_table(cls, table: NDArray) -> FloorLoad:
+        """From columns and pushes (n, 2)."""
+        if not len(table):
+            return cls.nowhere()
+        columns = table[:, 0].astype(np.int64)
+        load = cls(int(columns.min()), np.full(np.ptp(columns) + 1, np.nan))
+        load.push[columns - load.first] = table[:, 1]
+        return load
+
+    def table(self) -> NDArray:
+        """Columns that were touched, and their pushes (n, 2)."""
+        touched = np.flatnonzero(~np.isnan(self.push))
+        return np.column_stack([touched + float(self.first), self.push[touched]])
+
+    def over(self, window: GridWindow) -> FloorLoad:
+        """The same with room for the columns of a window."""
+        low, high = int(window.corner[0]), int(window.corner[0] + window.shape[0])
+        if not len(self.push):
+            return FloorLoad(low, np.full(high - low, np.nan))
+        before, behind = max(0, self.first - low), max(0, high - self.first - len(self.push))
+        if before or behind:
+            return FloorLoad(self.first - before, np.pad(self.push, (before, behind), constant_values=np.nan))
+        return self
+
+
 class Pair:
     """Two bodies that may touch.
 
@@ -100,6 +119,7 @@ class Pair:
     ----------
     numbers : (2,) of them. friction : between them. touching, count : nodes that they share, and how many.
     is_free_rigid : one of them moves freely as a rigid body. on_floor : one of them keeps its velocity.
+    holds : (2,) whose normal alone holds.
     """
 
     def __init__(self, case: Case, a: int, b: int, bodies: Sequence[MovingBody]) -> None:
@@ -110,25 +130,29 @@ class Pair:
         self.is_free_rigid = any(not body.deforms and not body.keeps_velocity for body in self._bodies)
         # the corners of other bodies are rounded on the grid: the normal of one that keeps its velocity holds
         first, second = (body.keeps_velocity or body.name == case.contact.normals_of for body in self._bodies)
-        self._holds = (first and not other_keeps, second and not keeps)
+        self.holds = (first and not other_keeps, second and not keeps)
         self.touching, self.count = Touching.room(0), 0
         self._overlap = Overlap.of(*(body.window for body in self._bodies))
 
     def share(self) -> bool:
         """Find the nodes at which both bodies have mass (Remark 1), numbered in each one's window; whether any is."""
-        one, two = (body.window for body in self._bodies)
-        if one is not self._overlap.one or two is not self._overlap.two:
-            self._overlap = Overlap.of(one, two)
-        overlap, self.count = self._overlap, 0
+        (one, two), overlap, self.count = (body.window for body in self._bodies), self.overlap(), 0
         if overlap.extent[0] <= 0 or overlap.extent[1] <= 0:
             return False
-        if overlap.size > len(self.touching.gap):
-            self.touching = Touching.room(overlap.size)
         self.count = share_nodes(
             one.sums.m, one.width, overlap.corner_in_one, two.sums.m, two.width, overlap.corner_in_two, overlap.extent,
             self.touching.nodes,
         )  # fmt: skip
         return self.count > 0
+
+    def overlap(self) -> Overlap:
+        """Of the present windows, with room for its nodes."""
+        one, two = (body.window for body in self._bodies)
+        if one is not self._overlap.one or two is not self._overlap.two:
+            self._overlap = Overlap.of(one, two)
+        if (self._overlap.extent > 0).all() and self._overlap.size > len(self.touching.gap):
+            self.touching = Touching.room(self._overlap.size)
+        return self._overlap
 
     def own_nodes(self, number: int) -> NDArray:
         """The shared nodes (n,) in the window of one of the two."""
@@ -138,7 +162,7 @@ class Pair:
         """Collinear normals (6.34) and gaps at the shared nodes."""
         first, second = self._bodies
         surfaces = first.window.surface, second.window.surface
-        self.count = find_normals(*surfaces, *self._holds, self.touching, self.count)
+        self.count = find_normals(*surfaces, *self.holds, self.touching, self.count)
         if by_distance and self.count:
             find_reach(first)
             find_reach(second)
@@ -165,6 +189,8 @@ class Contact:
     pairs : of bodies that may touch, of which one does not keep its velocity.
     impulse : (n_bodies, 2) that contact has given to each body since the start [force time].
     violations : numbers of nodes by the names of `COUNTERS`.
+    sums : all of these. kept_velocities : (n_bodies, 2) of those that keep theirs. sweeps : over the pairs in a step.
+    floor_load : since the last record.
     """
 
     def __init__(self, case: Case, bodies: Sequence[MovingBody]) -> None:
@@ -173,34 +199,31 @@ class Contact:
         self.pairs = [
             Pair(case, a, b, bodies) for a, b in pairs if not (bodies[a].keeps_velocity and bodies[b].keeps_velocity)
         ]
-        self._sweeps = 1 if len(bodies) == 2 else SWEEPS
-        self._sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(2), np.zeros(len(COUNTERS), np.int64))
+        self.sweeps = 1 if len(bodies) == 2 else SWEEPS
+        self.sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(2), np.zeros(len(COUNTERS), np.int64))
         kept = [body.velocity if isinstance(body, BodyOfKeptVelocity) else np.zeros(2) for body in bodies]
-        self._kept_velocities = np.array(kept)
-        #: push on bodies that keep their velocity by columns of nodes, since the last record and between the last two
-        #: [force time]
-        self._floor_load: dict[int, float] = {}
-        self._last_floor_load: dict[int, float] = {}
+        self.kept_velocities = np.array(kept)
+        self.floor_load, self._last_floor_load = FloorLoad.nowhere(), FloorLoad.nowhere()
 
     @property
     def work(self) -> float:
         """See above."""
-        return float(self._sums.work[0])
+        return float(self.sums.work[0])
 
     @property
     def work_of_rigid(self) -> float:
         """What moves bodies that keep their velocity gives as much as they hand on, since the start [energy]."""
-        return float(self._sums.work[1])
+        return float(self.sums.work[1])
 
     @property
     def impulse(self) -> NDArray:
         """See above."""
-        return self._sums.impulse
+        return self.sums.impulse
 
     @property
     def violations(self) -> dict[str, int]:
         """See above."""
-        return dict(zip(COUNTERS, self._sums.counts.tolist(), strict=True))
+        return dict(zip(COUNTERS, self.sums.counts.tolist(), strict=True))
 
     def warm_up(self) -> None:
         """Compile what contact needs, whether or not bodies touch."""
@@ -215,7 +238,7 @@ class Contact:
             find_gaps(first, second, 1.0, pair.touching, 0)
             pair.count = 0
             self._meet(pair, 1.0)
-            check_impenetrability(*pair.sides(), pair.touching, 0, 1.0, self._sums.counts)
+            check_impenetrability(*pair.sides(), pair.touching, 0, 1.0, self.sums.counts)
 
     def detect(self) -> None:
         """Nodes with mass of two bodies (Remark 1), their collinear normals (6.34) and the gaps there."""
@@ -237,14 +260,14 @@ class Contact:
             for pair in touching:
                 if not pair.is_free_rigid:
                     self._meet(pair, step)
-            if sweep + 1 >= self._sweeps and (len(touching) == 1 or not any(moved)):
+            if sweep + 1 >= self.sweeps and (len(touching) == 1 or not any(moved)):
                 break
         for pair in rigid:
             self._count_impulses(pair, step)
-        if self._sweeps > 1:
+        if self.sweeps > 1:
             for pair in touching:
                 if not pair.is_free_rigid:
-                    check_impenetrability(*pair.sides(), pair.touching, pair.count, step, self._sums.counts)
+                    check_impenetrability(*pair.sides(), pair.touching, pair.count, step, self.sums.counts)
 
     def _press(self, pair: Pair, step: float) -> bool:
         """Solve for the impulses of a pair with a free rigid body; whether they have changed."""
@@ -252,25 +275,29 @@ class Contact:
         return bool(passes > 1)
 
     def _meet(self, pair: Pair, step: float) -> None:
-        meet(*pair.sides(), pair.touching, pair.count, step, pair.friction, self._kept_velocities, self._sums)
+        meet(*pair.sides(), pair.touching, pair.count, step, pair.friction, self.kept_velocities, self.sums)
         self._load_floor(pair)
 
     def _count_impulses(self, pair: Pair, step: float) -> None:
         count_impulses(
-            *pair.rigid_sides(), pair.touching, pair.count, step, pair.friction, self._kept_velocities, self._sums
+            *pair.rigid_sides(), pair.touching, pair.count, step, pair.friction, self.kept_velocities, self.sums
         )  # fmt: skip
         self._load_floor(pair)
 
     def _load_floor(self, pair: Pair) -> None:
         if pair.on_floor:
+            self.make_room_on_floor(pair)
             window = self._bodies[pair.numbers[0]].window
-            columns = window.corner[0] + pair.touching.nodes[0, : pair.count] // window.width
-            for column, push in zip(columns.tolist(), pair.touching.pushes[: pair.count].tolist(), strict=True):
-                self._floor_load[column] = self._floor_load.get(column, 0.0) + push
+            first = int(window.corner[0]) - self.floor_load.first
+            load_floor(pair.touching, pair.count, first, window.width, self.floor_load.push)
+
+    def make_room_on_floor(self, pair: Pair) -> None:
+        """For the load of a pair of which one body keeps its velocity."""
+        self.floor_load = self.floor_load.over(self._bodies[pair.numbers[0]].window)
 
     def begin_record(self) -> None:
         """Keep the loads on bodies that keep their velocity since the last record apart."""
-        self._last_floor_load, self._floor_load = self._floor_load, {}
+        self._last_floor_load, self.floor_load = self.floor_load, FloorLoad.nowhere()
 
     def pressure_on_floor(self, order: int) -> dict[str, float]:
         """Half-width and peak of the pressure on a rigid floor along x between the last two records.
@@ -278,7 +305,7 @@ class Contact:
         The half-width is that of an ellipse with the load's second moment, less that of the splines that spread it.
         Both are empty without load; widths in cells, the peak as a share of the whole load for each cell.
         """
-        place, load = np.array(sorted(self._last_floor_load.items())).reshape(-1, 2).T
+        place, load = self._last_floor_load.table().T
         if not load.sum() > 0.0:
             return {}
         share = load / load.sum()
@@ -287,16 +314,24 @@ class Contact:
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Sums since the start and since the last record."""
-        loads = {"floor_load": self._floor_load, "last_floor_load": self._last_floor_load}
-        arrays = {name: np.array(list(load.items())).reshape(-1, 2) for name, load in loads.items()}
-        return arrays | {name: array.copy() for name, array in self._sums._asdict().items()}
+        loads = {"floor_load": self.floor_load, "last_floor_load": self._last_floor_load}
+        arrays = {name: load.table() for name, load in loads.items()}
+        return arrays | {name: array.copy() for name, array in self.sums._asdict().items()}
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to a checkpoint."""
-        for name, array in self._sums._asdict().items():
+        for name, array in self.sums._asdict().items():
             array[:] = saved[name]
-        floor_loads = (saved[name].tolist() for name in ("floor_load", "last_floor_load"))
-        self._floor_load, self._last_floor_load = ({int(column): push for column, push in load} for load in floor_loads)
+        self.floor_load = FloorLoad.of_table(saved["floor_load"])
+        self._last_floor_load = FloorLoad.of_table(saved["last_floor_load"])
+
+
+@njit(cache=True)
+def load_floor(touching, count, first, width, push):
+    """Add the last impulses to those of the columns of nodes (n,), of which the window's first one has a number."""
+    for n in range(count):
+        column = first + touching.nodes[0, n] // width
+        push[column] = (0.0 if np.isnan(push[column]) else push[column]) + touching.pushes[n]
 
 
 @njit(cache=True)

@@ -43,6 +43,7 @@ class HeldLine:
     ----------
     name : of the constraint. normal : direction across. place : coordinate there at the start [length].
     low, high : extent along the line. component, velocity : what is prescribed [length/time].
+    rows, cells : first nodes of the rows along the line in the body's present window, and cells across it.
     """
 
     name: str
@@ -54,41 +55,58 @@ class HeldLine:
     component: int
     velocity: float
     course: Course | None = None
+    rows: NDArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    cells: int = 0
     _rows_of: GridWindow | None = None
-    _rows: NDArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _from_window: float = 0.0
-    _cells: int = 0
+    _place_now: float = 0.0
+
+    def motion(self, times: NDArray, size: float) -> tuple[NDArray, NDArray]:
+        """Velocities (n,) in steps that begin at times (n,), and places then across the body's window, in cells."""
+        if self._rows_of is not self.body.window:
+            self._find_rows()
+        if self.course is None:
+            velocities, so_far = np.full(len(times), self.velocity), self.velocity * times
+        else:
+            velocities = np.array([self.course.rate(now, now + size) for now in times])
+            so_far = np.array([float(self.course.displacement(now)) for now in times])
+        moved = so_far if self.component == self.normal else np.zeros(len(times))
+        return velocities, self._from_window + moved / self.body.lattice.h
 
     def begin_step(self, now: float, size: float) -> None:
-        """Take the velocity of a step from a time on."""
-        if self.course is not None:
-            self.velocity = self.course.rate(now, now + size)
+        """Take the velocity of a step from a time on, and the place then."""
+        (velocity,), (place,) = self.motion(np.array([now]), size)
+        self.velocity, self._place_now = float(velocity), float(place)
 
-    def apply(self, now: float) -> float:
-        """Correct the nodes' velocities at a time; the impulse on the body along the component [force time].
+    def apply(self) -> float:
+        """Correct the nodes' velocities; the impulse on the body along the component [force time].
 
         Raises BlewUpError where none of the body is left on the line.
         """
         window, order = self.body.window, self.body.lattice.order
-        if self._rows_of is not window:
-            self._find_rows()
-        so_far = self.velocity * now if self.course is None else float(self.course.displacement(now))
-        moved = so_far if self.component == self.normal else 0.0
-        across = self._from_window + moved / self.body.lattice.h
-        cell = math.floor(across + 1e-9)
+        cell = math.floor(self._place_now + 1e-9)
         held, impulse = False, 0.0
-        if 0 <= cell < self._cells:
+        if 0 <= cell < self.cells:
             velocity = window.velocities.vx if self.component == 0 else window.velocities.vy
-            stride = 1 if self.normal else window.width
             held, impulse = hold(
-                self._rows, cell * stride, stride, order, across - cell, window.sums.m, velocity, self.velocity
+                self.rows, cell * self.stride, self.stride, order, self._place_now - cell, window.sums.m, velocity,
+                self.velocity,
             )  # fmt: skip
         if not held:
-            raise BlewUpError(
-                f"none of body '{self.body.name}' is left on the line of {self.name}; hold its other direction too, or"
-                " make dynamics.end_time earlier"
-            )
+            raise self.lost()
         return impulse
+
+    def lost(self) -> BlewUpError:
+        """What to raise where none of the body is left on the line."""
+        return BlewUpError(
+            f"none of body '{self.body.name}' is left on the line of {self.name}; hold its other direction too, or"
+            " make dynamics.end_time earlier"
+        )
+
+    @property
+    def stride(self) -> int:
+        """From node to node across the line."""
+        return 1 if self.normal else self.body.window.width
 
     def _find_rows(self) -> None:
         """Rows of nodes along the line in the body's present window, and where the line is in it at the start."""
@@ -97,9 +115,9 @@ class HeldLine:
         places = lattice.origin[along] + lattice.h * (number - 0.5 * (lattice.order - 1))
         slack = (0.5 * lattice.order + 1e-9) * lattice.h
         rows = np.flatnonzero((places >= self.low - slack) & (places <= self.high + slack))
-        self._rows_of, self._rows = window, rows * (window.width if along == 0 else 1)
+        self._rows_of, self.rows = window, rows * (window.width if along == 0 else 1)
         self._from_window = float((self.place - lattice.origin[self.normal]) / lattice.h - window.corner[self.normal])
-        self._cells = int(window.shape[self.normal]) - lattice.order
+        self.cells = int(window.shape[self.normal]) - lattice.order
 
 
 @njit(cache=True)

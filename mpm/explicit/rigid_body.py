@@ -72,6 +72,7 @@ class FreeRigidBody(MovingBody):
     place, velocity : (3,) of the centre of mass x, y [length] and the angle, counter-clockwise [radian], and their rates,
         which contact changes.
     inverses : (2,) one over mass and moment of inertia, that of the points' rectangles included.
+    reach : of its points from the centre of mass [length].
     """
 
     deforms = False
@@ -85,7 +86,7 @@ class FreeRigidBody(MovingBody):
         inertia = matter.mass @ (arms**2 + sizes**2 / 12.0).sum(axis=1)
         self._numbers, self._arms = self.points.number[order], arms[order]
         self._arms_as_sorted, self._sorted_in = arms, self.window
-        self._reach = float(np.hypot(*arms.T).max())
+        self.reach = float(np.hypot(*arms.T).max())
         self.place = np.append(centre, 0.0)
         self.velocity = np.append(body.initial_velocity(centre), body.velocity_gradient[1][0])
         self.inverses, self._old_velocity = 1.0 / np.array([mass, inertia]), self.velocity.copy()
@@ -118,16 +119,20 @@ class FreeRigidBody(MovingBody):
         """The same: there are no strains."""
         self.update_points(step)
 
-    def _put_points(self) -> None:
-        """Places, velocities and velocity gradients of the points from those of the body."""
+    def arms(self) -> NDArray:
+        """From the centre of mass to the points (n, 2) in their present order, when the body is not turned [length]."""
         if self._sorted_in is not self.window:
             self._sorted_in = self.window
             self._arms_as_sorted = self._arms[np.searchsorted(self._numbers, self.points.number)]
+        return self._arms_as_sorted
+
+    def _put_points(self) -> None:
+        """Places, velocities and velocity gradients of the points from those of the body."""
         points, lattice, spin = self.points, self.lattice, self.velocity[2]
         centre = (self.place[:2] - lattice.origin) / lattice.h - self.window.corner
-        put_points(self._arms_as_sorted, centre, self.place[2], self.velocity, lattice.h, points.motion)
+        put_points(self.arms(), centre, self.place[2], self.velocity, lattice.h, points.motion)
         points.gradient.cxy[:], points.gradient.cyx[:] = -spin, spin
-        self.wandering.largest_speed = float(np.hypot(*self.velocity[:2]) + abs(spin) * self._reach)
+        self.wandering.largest_speed = float(np.hypot(*self.velocity[:2]) + abs(spin) * self.reach)
 
     # ---------------------------------------------------------------- what can be seen
 

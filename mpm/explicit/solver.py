@@ -11,6 +11,7 @@ from cases import Case
 from mpm.explicit.body_fields import fields_of
 from mpm.explicit.body_motion import body_angle, regions_of
 from mpm.explicit.contact import Contact
+from mpm.explicit.march import March
 from mpm.explicit.moving_body import Carried
 from mpm.explicit.phase_field import PointPhaseField
 from mpm.explicit.prescribed import Tractions, held_lines
@@ -62,7 +63,10 @@ class ExplicitMaterialPoints:
             PointPhaseField(case, number, body, self.costs) for number, body in enumerate(self.bodies) if body.breakable
         ]
         self._break_notches()
-        self._outer_work = self._boundary_power = 0.0
+        self._work = np.zeros(2)
+        breaks = bool(self.phase_fields) or any(body.has_axes for body in self.bodies)
+        can_march = case.staggered.passes == 1 and not breaks and not self._tractions.lengths
+        self._march = March(case, self.bodies, self.contact, self._lines, self._frame) if can_march else None
         self._updates_last = case.dynamics.order_of_update == "musl"
         self.costs.count["points"] = len(self.cloud.positions)
 
@@ -99,7 +103,7 @@ class ExplicitMaterialPoints:
         """Compile every kernel, so that the clock times the work alone."""
         saved = self._copies()
         self.step(0.0, 1e-9 * self.stable_step())
-        if len(self.bodies) > 1:
+        if len(self.bodies) > 1 and self._march is None:
             self.contact.warm_up()
         self.restore(saved)
         self.costs.forget()
@@ -110,7 +114,26 @@ class ExplicitMaterialPoints:
         """Largest time step by the case's rule [time]."""
         return stable_step(self.case)
 
+    def steps(self, times: NDArray, size: float) -> int:
+        """Take some of the steps that begin at times (n,), at least one, and tell how many; raises BlewUpError.
+
+        Bodies that neither break nor are pulled at go many steps in one compiled call.
+        """
+        done = 1
+        if self._march is None:
+            self._step(float(times[0]), size)
+        else:
+            with self.costs.timed("steps"):
+                done = self._march.go(times, size, self._work)
+            self.costs.count["compiled_steps"] += done
+        self._now = float(times[done - 1]) + size
+        return done
+
     def step(self, now: float, size: float) -> None:
+        """Go from time ``now`` to ``now + size``; raises BlewUpError."""
+        self.steps(np.array([now]), size)
+
+    def _step(self, now: float, size: float) -> None:
         """Algorithm 3; raises what its bodies raise.
 
         The first pass solves the phase field of the time ``now``; each further one of ``staggered.passes`` goes back and
@@ -163,26 +186,25 @@ class ExplicitMaterialPoints:
             acceleration, damping = self._frame.acceleration(now + 0.5 * size), self._frame.damping(now)
             for body in self.bodies:
                 body.find_trial_velocities(size, acceleration, damping)
-            impulses = self._hold(now)
+            impulses = self._hold()
         with self.costs.timed("contact"):
             self.contact.detect()
             self.contact.exchange(size)
         with self.costs.timed("grid"):
-            impulses += self._hold(now)
+            impulses += self._hold()
             carried = [] if self._frame.at_rest and not damping else [body.carried() for body in self._moving]
             self._count_boundary_work(impulses, size, damping, carried)
         if not self._frame.at_rest:
             self._go_with_mean_velocities(acceleration, size, carried)
-        self._update(now, size)
-        self._now = now + size
+        self._update(size)
 
     def _go_with_mean_velocities(self, acceleration: NDArray, size: float, of_bodies: Sequence[Carried]) -> None:
         """Let the middle of each body go with its mean velocity of the step; the later one falls g t dt / 2 too far."""
         for body, carried in zip(self._moving, of_bodies, strict=True):
             body.lag = 0.5 * (carried.after - carried.before) / carried.mass
-            self._outer_work += 0.5 * size * float(acceleration @ (carried.before + carried.after))
+            self._work[0] += 0.5 * size * float(acceleration @ (carried.before + carried.after))
 
-    def _update(self, now: float, size: float) -> None:
+    def _update(self, size: float) -> None:
         """Velocities, places, strains and stresses of the points."""
         if not self._updates_last:
             with self.costs.timed("to_points"):
@@ -195,20 +217,19 @@ class ExplicitMaterialPoints:
         with self.costs.timed("to_grid"):
             for body in self._deforming:
                 body.map_momentum_again()
-            self._hold(now)
+            self._hold()
         with self.costs.timed("to_points"):
             for body in self._deforming:
                 body.update_stresses(size)
 
-    def _hold(self, now: float) -> NDArray:
+    def _hold(self) -> NDArray:
         """Prescribe velocities; the impulses (n_lines,) that it takes [force time]."""
-        return np.array([line.apply(now) for line in self._lines])
+        return np.array([line.apply() for line in self._lines])
 
     def _count_boundary_work(self, impulses: NDArray, size: float, damping: float, of_bodies: Sequence[Carried]) -> None:
         work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
         work += size * (self._tractions.power() - damping * sum(carried.damped for carried in of_bodies))
-        self._outer_work += work
-        self._boundary_power = work / size
+        self._work[:] = self._work[0] + work, work / size
 
     # ---------------------------------------------------------------- what can be seen
 
@@ -220,8 +241,8 @@ class ExplicitMaterialPoints:
             elastic=sum(float((body.energy_density() * body.points.matter.volume).sum()) for body in self._deforming),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
             kinetic=sum(motion.energy for motion in motions),
-            external_work=self._outer_work + self.contact.work_of_rigid,
-            external_power=float(self._frame.acceleration(self._now) @ momentum) + self._boundary_power,
+            external_work=float(self._work[0]) + self.contact.work_of_rigid,
+            external_power=float(self._frame.acceleration(self._now) @ momentum) + float(self._work[1]),
             contact_work=self.contact.work,
             momentum=(float(momentum[0]), float(momentum[1])),
         )
@@ -267,7 +288,7 @@ class ExplicitMaterialPoints:
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Arrays from which `restore` makes the state again."""
-        arrays = {"boundary": np.array([self._outer_work, self._boundary_power, self._now])}
+        arrays = {"boundary": np.append(self._work, self._now)}
         arrays |= {f"contact_{name}": array for name, array in self.contact.checkpoint().items()}
         for number, body in enumerate(self.bodies):
             arrays |= {f"body{number}_{name}": array for name, array in body.checkpoint().items()}
@@ -277,7 +298,7 @@ class ExplicitMaterialPoints:
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to the state of a checkpoint of the same case."""
-        self._outer_work, self._boundary_power, self._now = map(float, saved["boundary"])
+        self._work[:], self._now = saved["boundary"][:2], float(saved["boundary"][2])
         self.contact.restore(_part(saved, "contact_"))
         for number, body in enumerate(self.bodies):
             body.restore(_part(saved, f"body{number}_"))
