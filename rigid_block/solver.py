@@ -69,9 +69,10 @@ class _RigidBlockMotion:
         """As long as the distance between two records [time]."""
         return _interval(self.case)
 
-    def step(self, now: float, size: float) -> None:
-        """Go on to tell the time ``now + size``."""
-        self._now = now + size
+    def steps(self, times: NDArray, size: float) -> int:
+        """Go on to tell the end of the last of the steps that begin at times (n,), and tell how many they are."""
+        self._now = float(times[-1]) + size
+        return len(times)
 
     def _at(self, values: NDArray) -> float:
         return float(np.interp(self._now, self.motion.time, values))
