@@ -246,7 +246,7 @@ def test_a_part_of_an_edge_is_loaded_as_far_as_it_is_drawn(tmp_path, run):
     clamped = [{"on": "left", "direction": d, "value": 0} for d in "xy"]
     load = {"path": [0.0]}
     tables = {"boundaries": part, "constraints": clamped, "tractions": [{"on": "part", "pressure": 1.0}], "load": load}
-    _, discretisation = solved(tmp_path, run, **tables)
+    _, discretisation = solved(tmp_path, run, sound=False, **tables)  # four cells are few across a short cantilever
     assert discretisation.measures()["loaded_length_0"] == pytest.approx(0.83, rel=1e-5)
     fields, cut = discretisation.fields(), (2.2, 2.3)
     beyond = fields.reference[:, 0] > cut[0]
