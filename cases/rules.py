@@ -279,9 +279,12 @@ def _cracks_are_where_material_breaks(case: CaseDescription) -> None:
         raise BrokenRuleError(text, remedy, f"constraints[{phase}].direction", "phase")
     if any(body.mesh for body in breaking):
         return  # reading meshes is left to whoever needs them
-    outline = shapely.union_all([body.shape.outline() for body in breaking if body.shape])
+    whole = [body.shape.outline() for body in case.bodies.values() if body.shape and body not in breaking]
+    outline, beside = (shapely.union_all(shapes) for shapes in ([b.shape.outline() for b in breaking if b.shape], whole))
     for number, notch in enumerate(case.notches):
-        if notch.kind == "history" and not outline.intersects(shapely.LineString([notch.start, notch.end])):
+        line = shapely.LineString([notch.start, notch.end])
+        unbroken = line.intersection(beside.difference(outline)).length
+        if notch.kind == "history" and (not outline.intersects(line) or unbroken > case.mesh.h):
             remedy = 'give kind = "slit" or "cells", or its material the table fracture'
             text = "draws a history field where the material cannot break"
             raise BrokenRuleError(text, remedy, f"notches[{number}].kind", "history")
@@ -373,7 +376,12 @@ def _checks_have_targets(case: CaseDescription, checks: Sequence[tuple[int, Chec
         _defined(check.run, runs, f"checks[{number}].run", "run")
         kind, name = check.target
         if kind == "run":
-            _defined(name, runs, f"checks[{number}].against", "run")
+            key = f"checks[{number}].against"
+            if name in case.references and name not in runs:
+                raise BrokenRuleError("is a reference, not a run", f'write "reference:{name}"', key, name)
+            _defined(name, runs, key, "run")
+            if name == check.run:
+                raise BrokenRuleError("is the run that is checked", "name another one, or a value", key, name)
         if kind == "reference":
             _reference_has_the_metric(case, name, check.metric, f"checks[{number}].against")
         if kind == "exact" and case.exact is None and not any(c.motion for c in case.constraints):

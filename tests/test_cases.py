@@ -602,6 +602,13 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "missing curve": (toy(references__book__curve="none.csv"), "references.book.curve", "columns u,F"),
     "check of an unknown run": (toy(checks=[CHECK | {"run": "femm"}]), "checks[0].run", "did you mean 'fem'"),
     "check against an unknown run": (toy(checks=[CHECK | {"against": "mpn"}]), "checks[0].against", "'mpm'"),
+    "check against itself": (toy(checks=[CHECK | {"against": "mpm"}]), "checks[0].against", "name another one"),
+    "check against a reference as a run": (
+        toy(checks=[CHECK | {"against": "book"}]), "checks[0].against", '"reference:book"'
+    ),
+    "value of a reference with a unit": (
+        toy(references__book__values__peak_force="700 N"), "references.book.values.peak_force", "without a unit"
+    ),
     "check against an unknown reference": (
         toy(checks=[CHECK | {"against": "reference:bok"}]),
         "checks[0].against",

@@ -205,6 +205,11 @@ def test_the_remedy_for_a_phase_constraint_on_smooth_splines_works():
 def test_what_draws_a_crack_in_a_material_that_cannot_break_is_refused(solver):
     with pytest.raises(CaseError, match=r"notches\[0\].*'history'.*cannot break.*kind = \"slit\""):
         plate(solver, notches=[{"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}])
+    beside = {"material": "glass", "shape": {"rectangle": {"lower": [-1, 0], "upper": [0, 1]}}}
+    glass = {"young": 70.0, "poisson": 0.2, "fracture": {"toughness": 0.01, "length_scale": 0.1}}
+    two = {"materials": PLATE["materials"] | {"glass": glass}, "bodies": PLATE["bodies"] | {"beside": beside}}
+    with pytest.raises(CaseError, match=r"notches\[0\].*'history'.*cannot break"):
+        plate(solver, **two, notches=[{"kind": "history", "start": [-0.5, 0.5], "end": [0.5, 0.5]}])
     held = {"on": "top", "direction": "phase", "value": 0}
     with pytest.raises(CaseError, match=r"constraints\[3\]\.direction.*nothing can break"):
         plate(solver, constraints=[*PLATE["constraints"], held])
