@@ -271,7 +271,8 @@ def test_what_no_run_will_hold_is_refused_before_one_is_made(parameters: dict[st
     tables = {
         "title": "t", "requirement": "r", "units": {"length": "mm", "force": "N"}, "plane": {"assumption": "strain"},
         "materials": {"steel": {"young": 1.0, "poisson": 0.3, "density": 1.0}}, "bodies": {"a": body},
-        "dynamics": {"end_time": 1.0}, "mesh": {"h": 0.5}, "runs": {"mpm": {"solver": "mpm"}}, "checks": [check | {"parameters": parameters}],
+        "dynamics": {"end_time": 1.0}, "mesh": {"h": 0.5}, "runs": {"mpm": {"solver": "mpm"}},
+        "checks": [check | {"parameters": parameters}],
     }  # fmt: skip
     with pytest.raises(JudgeError, match=said):
         checks_of(case_from_tables(tables))
