@@ -126,6 +126,11 @@ def _fits_statics(case: CaseDescription) -> None:
             ' ramp = "load"'
         )
         raise BrokenRuleError("moves nothing: no constraint follows the load parameter", remedy, "load.path")
+    first, last = min(case.load.path), max(case.load.path)
+    for number, load in enumerate(case.output.snapshots):
+        if not first - SLACK * abs(first) <= load <= last + SLACK * abs(last):
+            remedy = f"give a load from {first:g} to {last:g}"
+            raise BrokenRuleError("is not on load.path", remedy, f"output.snapshots[{number}]", load)
     if case.load.path == (0.0,) and (case.moved_by_load or case.loaded_by_factor):
         raise BrokenRuleError("stays at 0, where nothing has moved", "give a second value", "load.path", [0.0])
 

@@ -570,6 +570,7 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
         "constraints[1]",
         "remove one",
     ),
+    "snapshot beyond the path": (toy(output__snapshots=[0.5]), "output.snapshots[0]", "give a load from 0 to"),
     "load without a point": (toy(load__path=[]), "load.path", "at least 1"),
     "load that stands still": (toy(load__path=[0, 1, 1]), "load.path", "remove the repeated"),
     "load without increment": (without("load", "increment"), "load.increment", "add"),

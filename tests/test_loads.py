@@ -270,6 +270,18 @@ def test_a_constraint_holds_what_is_drawn_or_is_refused(tmp_path):
         assert (on[:, 0].min(), on[:, 0].max()) == pytest.approx(ends, abs=1e-6)
 
 
+@both
+def test_a_traction_on_an_edge_that_is_held_is_refused(tmp_path, run):
+    """All of the edge is held in the direction in which it pulls; across it, or on a part alone, it acts."""
+    pull = {"on": "right", "value": [1.0, 0.0], "ramp": "load"}
+    with pytest.raises(CaseError, match=r"tractions\[0\]\.on = 'right': .*constraints\[2\] hold all .* do nothing"):
+        SOLVERS[run](bar(tmp_path, run, constraints=ENDS, tractions=[pull]))
+    SOLVERS[run](bar(tmp_path, run, constraints=ENDS, tractions=[pull | {"value": [0.0, 1.0]}]))
+    half = {"half": {"segment": [[LENGTH, 0.0], [LENGTH, 0.5]]}}
+    constraints = [*ROLLERS, {"on": "half", "direction": "x", "value": 0}]
+    SOLVERS[run](bar(tmp_path, run, boundaries=half, constraints=constraints, tractions=[pull]))
+
+
 REFUSED = {
     "tractions[0].ramp": ({"tractions": [{"on": "right", "value": [1, 0], "ramp": 2.0}]}, 'give "load"'),
     "tractions[0]": ({"tractions": [{"on": "right", "value": [1, 0], "pressure": 1.0}]}, "give one of value, pressure"),
