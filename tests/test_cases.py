@@ -570,7 +570,6 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
         "constraints[1]",
         "remove one",
     ),
-    "snapshot beyond the path": (toy(output__snapshots=[0.5]), "output.snapshots[0]", "give a load from 0 to"),
     "load without a point": (toy(load__path=[]), "load.path", "at least 1"),
     "load that stands still": (toy(load__path=[0, 1, 1]), "load.path", "remove the repeated"),
     "load without increment": (without("load", "increment"), "load.increment", "add"),
@@ -578,6 +577,12 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "smallest above increment": (toy(load__smallest=1), "load.smallest", "no more than"),
     "notch outside": (toy(notches=[SLIT | {"end": [1.5, 0.5]}]), "notches[0].end", "move it into"),
     "notch without length": (toy(notches=[SLIT | {"end": [0, 0.5]}]), "notches[0].end", "move one"),
+    "notch that leaves nothing": (
+        toy(notches=[SLIT | {"kind": "cells", "width": 9, "end": [1, 0.5]}]), "bodies.plate", "make them narrower"
+    ),
+    "finite elements of another order of splines": (
+        toy(runs__fem__change={"mpm": {"order": 3}}), "runs.fem.change.mpm", 'solver = "mpm"'
+    ),
     "notch of no width": (toy(notches=[SLIT | {"kind": "cells", "width": 0}]), "notches[0].width", "larger"),
     "notch of no kind": (toy(notches=[{"start": [0, 0], "end": [1, 1]}]), "notches[0]", "kind"),
     "notch of unknown kind": (toy(notches=[SLIT | {"kind": "cut"}]), "notches[0].kind", "'slit'"),

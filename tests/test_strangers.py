@@ -202,6 +202,14 @@ def test_the_remedy_for_a_phase_constraint_on_smooth_splines_works():
 
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_part_that_a_slit_cuts_off_is_named_as_one(solver):
+    cut = [{"kind": "slit", "start": [1.0, 0.0], "end": [1.0, 1.0]}]
+    held = [*({"on": "left", "direction": d, "value": 0} for d in "xy"), {"on": "right", "direction": "x", "scale": 1}]
+    with pytest.raises(CaseError, match="a part of plate, cut off from the rest, can move in y freely"):
+        DISCRETISATIONS[solver](plate(solver, notches=cut, constraints=held))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
 def test_what_draws_a_crack_in_a_material_that_cannot_break_is_refused(solver):
     with pytest.raises(CaseError, match=r"notches\[0\].*'history'.*cannot break.*kind = \"slit\""):
         plate(solver, notches=[{"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}])

@@ -71,7 +71,7 @@ INDICATORS = {
     "coarse_cells": Indicator(
         "share of the elastic energy of whole bodies in stress that jumps from cell to cell, about which F is off",
         0.05, "0.17 in a beam of one cell across, 56 % off, 0.03 with four, 4 % off; 0.09 where a point is moved",
-        "make mesh.h smaller there, and hold or load a length of edge in place of a point",
+        "make mesh.h, or the elements of a mesh file, smaller there, and hold or load a length of edge, not a point",
     ),
     "coarse_tips": Indicator(
         "what the cells at the tips of slits make a whole body too stiff by, as a share of its energy",
