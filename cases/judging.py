@@ -330,6 +330,7 @@ class Check(Table):
                 finite = False
             if not finite:
                 raise BrokenRuleError(
-                    "holds no finite number", 'write for instance "value:2.0"', value=against
+                    "holds no finite number",
+                    'write for instance "value:2.0", a plain number in the units of the case', value=against
                 )
         return against

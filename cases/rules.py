@@ -13,6 +13,7 @@ from cases.errors import BrokenRuleError
 from cases.geometry import SLACK, rounding_of, slack_of
 from cases.judging import Check
 from cases.load_rules import loads_fit_dynamics, loads_fit_statics
+from cases.notches import CellsNotch
 from cases.schema import CaseDescription, changeable_tables
 from cases.solvers import SOLVERS
 from cases.splits import PLANE_STRESS_SPLITS, ROOTED_SPLITS
@@ -54,11 +55,13 @@ def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> 
     _basis_is_smooth_enough(case)
     _bodies_are_apart(case)
     _notches_are_in_bodies(case)
+    _notches_leave_bodies(case)
     _cracks_are_where_material_breaks(case)
     _spacing_fits_the_bodies(case)
     _placement_has_a_mesh(case)
     _rocking_is_of_a_block(case)
     _parts_are_of_bodies(case)
+    _runs_change_what_acts(case)
     _checks_have_targets(case, checks)
     _studies_vary_runs(case)
 
@@ -270,6 +273,17 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
             raise BrokenRuleError(text, "move it into a body", f"notches[{number}]")
 
 
+def _notches_leave_bodies(case: CaseDescription) -> None:
+    """Cells that are left out do not take all of a body."""
+    notches = [notch for notch in case.notches if isinstance(notch, CellsNotch)]
+    lines = [shapely.LineString([notch.start, notch.end]).buffer(notch.width / 2, cap_style="flat") for notch in notches]
+    for name, body in case.bodies.items():
+        if notches and body.shape and shapely.union_all(lines).buffer(slack_of(case.bounding_box())).covers(
+            body.shape.outline()
+        ):
+            raise BrokenRuleError("is left out by the notches", "make them narrower or shorter", f"bodies.{name}")
+
+
 def _cracks_are_where_material_breaks(case: CaseDescription) -> None:
     """A crack that the phase field draws needs a body with one."""
     breaking = [body for body in case.bodies.values() if case.materials[body.material].fracture]
@@ -279,9 +293,12 @@ def _cracks_are_where_material_breaks(case: CaseDescription) -> None:
         raise BrokenRuleError(text, remedy, f"constraints[{phase}].direction", "phase")
     if any(body.mesh for body in breaking):
         return  # reading meshes is left to whoever needs them
-    outline = shapely.union_all([body.shape.outline() for body in breaking if body.shape])
+    whole = [body.shape.outline() for body in case.bodies.values() if body.shape and body not in breaking]
+    outline, beside = (shapely.union_all(shapes) for shapes in ([b.shape.outline() for b in breaking if b.shape], whole))
     for number, notch in enumerate(case.notches):
-        if notch.kind == "history" and not outline.intersects(shapely.LineString([notch.start, notch.end])):
+        line = shapely.LineString([notch.start, notch.end])
+        unbroken = line.intersection(beside.difference(outline)).length
+        if notch.kind == "history" and (not outline.intersects(line) or unbroken > case.mesh.h):
             remedy = 'give kind = "slit" or "cells", or its material the table fracture'
             text = "draws a history field where the material cannot break"
             raise BrokenRuleError(text, remedy, f"notches[{number}].kind", "history")
@@ -367,13 +384,29 @@ def _parts_are_of_bodies(case: CaseDescription) -> None:
             raise BrokenRuleError("has the name of a body", "call it otherwise", f"output.regions.{name}")
 
 
+def _runs_change_what_acts(case: CaseDescription) -> None:
+    """Finite elements have no table mpm, so that runs which differ in it alone would be the same."""
+    for family, run in case.runs.items():
+        swept = next((key for key in run.sweep if key.partition(".")[0] == "mpm"), None)
+        key = f'sweep."{swept}"' if swept else "change.mpm"
+        if run.solver == "fem" and (swept or "mpm" in run.change):
+            raise BrokenRuleError(
+                "has no effect on finite elements", 'remove it, or give solver = "mpm"', f"runs.{family}.{key}"
+            )
+
+
 def _checks_have_targets(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> None:
     runs = list(dict.fromkeys([*case.runs, *case.expanded_runs()]))
     for number, check in checks:
         _defined(check.run, runs, f"checks[{number}].run", "run")
         kind, name = check.target
         if kind == "run":
-            _defined(name, runs, f"checks[{number}].against", "run")
+            key = f"checks[{number}].against"
+            if name in case.references and name not in runs:
+                raise BrokenRuleError("is a reference, not a run", f'write "reference:{name}"', key, name)
+            _defined(name, runs, key, "run")
+            if name == check.run:
+                raise BrokenRuleError("is the run that is checked", "name another one, or a value", key, name)
         if kind == "reference":
             _reference_has_the_metric(case, name, check.metric, f"checks[{number}].against")
         if kind == "exact" and case.exact is None and not any(c.motion for c in case.constraints):

@@ -144,7 +144,8 @@ class Units(Table):
         from pint.errors import DimensionalityError
 
         example = _EXAMPLES.get(kind, "1 mm")
-        remedy = f'write a plain number in {self.label(kind)} or a string such as "{example}"'
+        unit = "without a unit" if kind == "number" else f"in {self.label(kind)}"
+        remedy = f'write a plain number {unit} or a string such as "{example}"'
         match = _QUANTITY.fullmatch(text.strip()) if len(text) <= _LONGEST_QUANTITY else None
         if not match:
             raise BrokenRuleError("is not a number with a unit", remedy, value=text)
@@ -152,7 +153,8 @@ class Units(Table):
             quantity = unit_registry().Quantity(float(match[1]), (match[2] or "").replace("·", "*"))
             return float(quantity.to(self.expression(kind)).magnitude)
         except DimensionalityError:
-            raise BrokenRuleError(f"is not a quantity of {kind}", remedy, value=text) from None
+            what = "plain number" if kind == "number" else f"quantity of {kind}"
+            raise BrokenRuleError(f"is not a {what}", remedy, value=text) from None
         except Exception:  # pint raises many kinds of error for a malformed unit, some of them Python's own
             raise BrokenRuleError("has an unknown unit", remedy, value=text) from None
 

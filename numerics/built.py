@@ -86,7 +86,10 @@ def check_support(case: Case, holds: Holds, part: NDArray, body: NDArray) -> Non
         of_part = holds.part == number
         free = _free_motions(holds.place[of_part], holds.component[of_part], holds.tied[of_part])
         if free:
-            bodies = ", ".join(names[index] for index in np.unique(body[part == number]))
+            of_bodies = np.unique(body[part == number])
+            bodies = ", ".join(names[index] for index in of_bodies)
+            if np.isin(body[part != number], of_bodies).any():
+                bodies = f"a part of {bodies}, cut off from the rest,"
             raise BuiltError(
                 f"{case.source}: constraints: {bodies} can {free} freely; hold it there, or join it to a body that is"
                 " held"

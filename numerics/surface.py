@@ -102,6 +102,27 @@ def check_loaded_length(case: Case, number: int, loaded: float) -> None:
             f"{name}: {loaded:.4g} {case.units.length} of edge are loaded of {drawn:.4g} drawn; make mesh.h smaller, or"
             " let it end where edges end"
         )
+    _check_free(case, number, name)
+
+
+def _check_free(case: Case, number: int, name: str) -> None:
+    """Raise BuiltError where all edges of a traction are held in the directions in which it acts."""
+    traction, edges = case.tractions[number], drawn_edges(case)
+    loaded = edges.cut(edges.on(case, case.boundaries[traction.on]))
+    force = np.abs(traction.on_edges(loaded.normals)) * loaded.lengths[:, None]
+    holding = []
+    for key, constraint in enumerate(case.constraints):
+        if constraint.direction in ("x", "y") and not constraint.tied:
+            axis = "xy".index(constraint.direction)
+            parts = loaded.on(case, case.boundaries[constraint.on])
+            if force[:, axis].any():
+                holding.append(f"constraints[{key}]")
+            force[:, axis] *= 1.0 - np.clip(parts[:, 1] - parts[:, 0], 0.0, 1.0)
+    if force.sum() <= ON_SET * loaded.lengths.sum() * np.abs(traction.on_edges(loaded.normals)).max():
+        raise BuiltError(
+            f"{name}: {' and '.join(holding)} hold all that it would load, so it would do nothing; remove one of them, or"
+            " load an edge that can move"
+        )
 
 
 def check_held_length(case: Case, number: int, held: float, remedy: str) -> None:

@@ -577,6 +577,12 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "smallest above increment": (toy(load__smallest=1), "load.smallest", "no more than"),
     "notch outside": (toy(notches=[SLIT | {"end": [1.5, 0.5]}]), "notches[0].end", "move it into"),
     "notch without length": (toy(notches=[SLIT | {"end": [0, 0.5]}]), "notches[0].end", "move one"),
+    "notch that leaves nothing": (
+        toy(notches=[SLIT | {"kind": "cells", "width": 9, "end": [1, 0.5]}]), "bodies.plate", "make them narrower"
+    ),
+    "finite elements of another order of splines": (
+        toy(runs__fem__change={"mpm": {"order": 3}}), "runs.fem.change.mpm", 'solver = "mpm"'
+    ),
     "notch of no width": (toy(notches=[SLIT | {"kind": "cells", "width": 0}]), "notches[0].width", "larger"),
     "notch of no kind": (toy(notches=[{"start": [0, 0], "end": [1, 1]}]), "notches[0]", "kind"),
     "notch of unknown kind": (toy(notches=[SLIT | {"kind": "cut"}]), "notches[0].kind", "'slit'"),
@@ -602,6 +608,13 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "missing curve": (toy(references__book__curve="none.csv"), "references.book.curve", "columns u,F"),
     "check of an unknown run": (toy(checks=[CHECK | {"run": "femm"}]), "checks[0].run", "did you mean 'fem'"),
     "check against an unknown run": (toy(checks=[CHECK | {"against": "mpn"}]), "checks[0].against", "'mpm'"),
+    "check against itself": (toy(checks=[CHECK | {"against": "mpm"}]), "checks[0].against", "name another one"),
+    "check against a reference as a run": (
+        toy(checks=[CHECK | {"against": "book"}]), "checks[0].against", '"reference:book"'
+    ),
+    "value of a reference with a unit": (
+        toy(references__book__values__peak_force="700 N"), "references.book.values.peak_force", "without a unit"
+    ),
     "check against an unknown reference": (
         toy(checks=[CHECK | {"against": "reference:bok"}]),
         "checks[0].against",

@@ -96,6 +96,14 @@ def test_swapped_columns_are_caught():
         Curve(curve().F, curve().u)
 
 
+def test_a_factor_that_snaps_back_is_no_swapped_column():
+    """Of a solver of ours under dissipation control: the loads fall while what they do grows."""
+    rows = {"u": [0.0, 0.2, 0.06], "F": [0.0, 0.004, 0.011]}
+    assert Curve.from_history(pd.DataFrame(rows | {"staggered": [0, 8, 90]})).cyclic
+    with pytest.raises(CurveError, match="look swapped"):
+        Curve.from_history(pd.DataFrame(rows))
+
+
 def test_swapped_columns_of_a_rising_curve_are_caught_by_its_stiffness():
     rising = curve(end=0.9)
     swapped = Curve(rising.F, rising.u)  # on its own nothing is wrong with it

@@ -75,7 +75,9 @@ def made_up():
     return SimpleNamespace(
         snapshots=lambda: [(0.5, 1, points)],
         history=pd.DataFrame({"u": [0.0, 1.0], "F": [0.0, 8.0]}),
-        case=SimpleNamespace(plane=SimpleNamespace(thickness=2.0)),
+        case=SimpleNamespace(
+            plane=SimpleNamespace(thickness=2.0), dynamics=None, load=SimpleNamespace(increment=0.1)
+        ),
         info={"run": "made up"},
     )
 
@@ -84,6 +86,8 @@ def test_a_stress_is_the_mean_about_a_place_over_the_nominal_one(made_up):
     assert METRICS["stress_at"](made_up, at=[0.0, 0.0], component="yy", radius=1.0, u=0.5) == 5.0
     place = {"at": [0.0, 0.0], "component": "xx", "radius": 1.0, "u": 0.5}
     assert METRICS["stress_concentration"](made_up, section=3.0, **place) == 4.0 / (4.0 / 6.0)
+    with pytest.raises(MetricError, match=r"no fields at u = 0.7, the nearest are of u = 0.5; add 0.7 to output"):
+        METRICS["stress_at"](made_up, at=[0.0, 0.0], component="yy", radius=1.0, u=0.7)
     with pytest.raises(MetricError, match="no point within"):
         METRICS["stress_at"](made_up, at=[5.0, 0.0], component="yy", radius=1.0, u=0.5)
     with pytest.raises(MetricError, match="no stress 'zz'"):

@@ -311,6 +311,27 @@ def test_a_table_of_an_imported_run_is_checked(square: Case, table: str) -> None
         load_case(path, "quick")
 
 
+def test_a_result_that_no_run_can_read_is_refused_before_any(
+    square: Case, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(square.folder, "u_mm;F\n0;0\n1;2,5\n")
+    path = fake_solver.write_case(square.folder, '[runs.theirs]\nsolver = "imported"\nhistory = "mine.csv"\n')
+    with pytest.raises(SystemExit) as ended:
+        main(["validate", str(path)])
+    assert ended.value.code == 3
+    said = capsys.readouterr()
+    assert "mine.csv: column 'F' is no finite number in row 2" in " ".join((said.out + said.err).split())
+
+
+def test_judging_leaves_runs_of_the_case_alone(square: Case, tmp_path: Path) -> None:
+    own = tmp_path / "out" / "runs" / square.name / square.tier / "fem" / "run.json"
+    own.parent.mkdir(parents=True)
+    own.touch()
+    with pytest.raises(ImportedError, match=r"holds runs of the case.* give another folder"):
+        judged_without_page(square, U, F, tmp_path)
+    assert own.exists()
+
+
 def test_judging_loads_no_solver_no_vtk_and_no_table_of_units(square: Case, tmp_path: Path) -> None:
     mine = written(tmp_path, csv(U, F))
     program = f"""

@@ -117,6 +117,40 @@ def test_a_warm_plate_clamped_on_one_edge_needs_fine_cells(solver, h, resolved, 
     assert beyond(found) == (set() if resolved else {"resolution"})
 
 
+@pytest.mark.parametrize(("solver", "element"), [("fem", "quad"), ("fem", "triangle"), ("mpm", "quad")])
+@pytest.mark.parametrize("across", [1, 6])
+def test_a_beam_of_one_linear_cell_across_is_too_stiff(solver, element, across, tmp_path):
+    """56 % with quadrilaterals and order 1, 357 % with triangles, and both solvers agree; the force is 3 E' I u / L^3."""
+    case = {
+        **PLATE, "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 0.1]}}}},
+        "mesh": {"h": 0.1 / across, "element": element}, "mpm": {"order": 1},
+        "constraints": [
+            *({"on": "left", "direction": direction, "value": 0} for direction in "xy"),
+            {"on": "right", "direction": "y", "scale": 1},
+        ],
+    }  # fmt: skip
+    done = running.run(case_from_tables({**case, "runs": {solver: {"solver": solver}}}, run=solver), solver, out=tmp_path)
+    found = done.info["health"]
+    off = done.history["F"].iloc[-1] / (0.75 * 210.0 / (1 - 0.3**2) * 0.1**3 / 3.0 * done.history["u"].iloc[-1]) - 1.0
+    assert beyond(found) == ({"coarse_cells"} if across == 1 else set())
+    assert (off > 0.5) == (across == 1)
+
+
+@pytest.mark.parametrize(("end", "tripped"), [(0.99, True), (0.6, False)])
+def test_a_ligament_of_one_cell_beside_the_tip_of_a_slit(end, tripped, tmp_path):
+    """The slit ends 0.01 before the edge, where its tip's own indicator sees nothing: 17 % too stiff."""
+    case = {
+        **PLATE, "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}},
+        "notches": [{"kind": "slit", "start": [0.5, 1.0 - end], "end": [0.5, end]}], "mesh": {"h": 0.05},
+        "constraints": [
+            {"on": "left", "direction": "x", "value": 0}, {"on": "left", "direction": "y", "value": 0},
+            {"on": "right", "direction": "x", "scale": 1},
+        ],
+    }  # fmt: skip
+    found = beyond(examined(case_from_tables(case, run="fem"), tmp_path, "fem"))
+    assert ("coarse_cells" in found) == tripped
+
+
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
 def test_faces_of_a_slit_that_is_pressed_overlap(solver, tmp_path):
     pressed = [*PLATE["constraints"][:2], {"on": "top", "direction": "y", "scale": -1}]

@@ -6,19 +6,22 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 import fake_solver
+import pandas as pd
 import pytest
 from synthetic_run import write_verification
 
-from cases import Case, load_case
+from cases import Case, case_from_tables, load_case
 from numerics.quasi_static import Increment
 from verify import compare
 from verify.judging.acceptance import accept
 from verify.judging.baseline import read_baseline
 from verify.judging.coverage import NO_CHECK, coverage, coverage_sentence
-from verify.judging.judge import judge_case
+from verify.judging.judge import checks_of, judge_case
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.targets import JudgeError
 from verify.judging.views import checks_csv, junit_xml
@@ -252,6 +255,42 @@ def test_an_unknown_metric_names_the_nearest(tmp_path: Path) -> None:
     case, out = made(tmp_path, fake_solver.check("fem").replace("peak_force", "peek_force"), runs=())
     with pytest.raises(JudgeError, match=r"checks\[0\]\.metric: 'peek_force' .* 'peak_force'"):
         judge_case(case, out)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"time": 1.0, "direction": "x"}, r"parameters: travel needs body; add"),
+        ({"body": "plat", "time": 1.0, "direction": "x"}, r"parameters\.body: 'plat' is no body .* name one of"),
+        ({"body": "a", "time": 1.1, "direction": "x"}, r"parameters\.time: 1\.1 comes after dynamics\.end_time = 1"),
+    ],
+)
+def test_what_no_run_will_hold_is_refused_before_one_is_made(parameters: dict[str, Any], said: str) -> None:
+    body = {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}
+    check = {"metric": "travel", "run": "mpm", "against": "value:1", "limit": 1.0, "reason": "r"}
+    tables = {
+        "title": "t", "requirement": "r", "units": {"length": "mm", "force": "N"}, "plane": {"assumption": "strain"},
+        "materials": {"steel": {"young": 1.0, "poisson": 0.3, "density": 1.0}}, "bodies": {"a": body},
+        "dynamics": {"end_time": 1.0}, "mesh": {"h": 0.5}, "runs": {"mpm": {"solver": "mpm"}},
+        "checks": [check | {"parameters": parameters}],
+    }  # fmt: skip
+    with pytest.raises(JudgeError, match=said):
+        checks_of(case_from_tables(tables))
+
+
+def test_the_momentum_of_a_body_that_turns_is_held_to_what_its_energy_allows() -> None:
+    """Its whole momentum is round-off at the start, which is no measure of its change."""
+    body = {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [2, 1]}}}
+    tables = {
+        "title": "t", "requirement": "r", "units": {"length": "mm", "force": "N"},
+        "plane": {"assumption": "strain", "thickness": 3.0}, "bodies": {"a": body}, "dynamics": {"end_time": 1.0},
+        "materials": {"steel": {"young": 1.0, "poisson": 0.3, "density": 4.0}}, "mesh": {"h": 0.5},
+        "runs": {"mpm": {"solver": "mpm"}},
+    }  # fmt: skip
+    tiny, none = [1e-17, 1e-17], [0.0, 0.0]
+    columns = {"momentum_x": tiny, "momentum_y": [0.0, 1.2], "a_momentum_x": tiny, "a_momentum_y": none, "E_kin": [3, 3]}
+    run = SimpleNamespace(case=case_from_tables(tables), history=pd.DataFrame(columns), info={})
+    assert find_metric("momentum_drift")(run) == pytest.approx(1.2 / (2.0 * 24.0 * 3.0) ** 0.5)
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ def test_a_slit_is_open_where_it_meets_an_edge_within_the_bounding_box(bodies, n
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
 def test_slits_that_meet_part_a_body_as_one_slit_does(solver):
-    with pytest.raises(CaseError, match="plate can move in x freely"):
+    with pytest.raises(CaseError, match="a part of plate, cut off from the rest, can move in x freely"):
         DISCRETISATIONS[solver](plate(solver, notches=[slit(0.0, 1.0), slit(1.0, 2.0)]))
 
 
@@ -202,9 +202,22 @@ def test_the_remedy_for_a_phase_constraint_on_smooth_splines_works():
 
 
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_part_that_a_slit_cuts_off_is_named_as_one(solver):
+    cut = [{"kind": "slit", "start": [1.0, 0.0], "end": [1.0, 1.0]}]
+    held = [*({"on": "left", "direction": d, "value": 0} for d in "xy"), {"on": "right", "direction": "x", "scale": 1}]
+    with pytest.raises(CaseError, match="a part of plate, cut off from the rest, can move in y freely"):
+        DISCRETISATIONS[solver](plate(solver, notches=cut, constraints=held))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
 def test_what_draws_a_crack_in_a_material_that_cannot_break_is_refused(solver):
     with pytest.raises(CaseError, match=r"notches\[0\].*'history'.*cannot break.*kind = \"slit\""):
         plate(solver, notches=[{"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}])
+    beside = {"material": "glass", "shape": {"rectangle": {"lower": [-1, 0], "upper": [0, 1]}}}
+    glass = {"young": 70.0, "poisson": 0.2, "fracture": {"toughness": 0.01, "length_scale": 0.1}}
+    two = {"materials": PLATE["materials"] | {"glass": glass}, "bodies": PLATE["bodies"] | {"beside": beside}}
+    with pytest.raises(CaseError, match=r"notches\[0\].*'history'.*cannot break"):
+        plate(solver, **two, notches=[{"kind": "history", "start": [-0.5, 0.5], "end": [0.5, 0.5]}])
     held = {"on": "top", "direction": "phase", "value": 0}
     with pytest.raises(CaseError, match=r"constraints\[3\]\.direction.*nothing can break"):
         plate(solver, constraints=[*PLATE["constraints"], held])

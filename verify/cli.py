@@ -407,7 +407,8 @@ def _print_problems(console: Console, summary: dict[str, Any]) -> None:
         for sentence in needed_records(case):
             console.print(sentence)
         for check in case["checks"]:
-            if check["verdict"] in ("FAIL", "MISSING"):
+            untold = case["verdict"] == "NOT_CHECKED" and check["error"] is None
+            if untold or check["verdict"] in ("FAIL", "MISSING"):
                 line = f"{case['case']}: {check['verdict']}: {check_name(check)}: {check_sentence(check)}"
                 console.print(line)
 

@@ -29,6 +29,7 @@ from verify.judging.targets import CURVE_METRICS, JudgeError, reference_curve
 from verify.judging.views import Json
 from verify.metrics.curves import Curve, CurveError, displacement_at_peak, peak_force, peak_index
 from verify.metrics.registry import PAIR_METRICS
+from verify.runs.imported_error import ImportedError
 from verify.runs.importing import mapped, read_path, read_table
 from verify.runs.kept import main_runs, read_kept, restore
 from verify.runs.run_folder import RunFolder
@@ -114,7 +115,10 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
     """
     _require_readable(case, foreign)
     named = replace(foreign, name=_run_name(foreign, case))
-    shutil.rmtree(out / "runs" / case.name / case.tier, ignore_errors=True)
+    before = out / "runs" / case.name / case.tier
+    if before.exists() and not (out / "cases" / case.name).exists():
+        raise ImportedError(f"{before}: holds runs of the case, which judging would replace; give another folder as out.")
+    shutil.rmtree(before, ignore_errors=True)
     written = _write_case(case, named, out)
     imported = run(written, named.name, case.tier, out, force=True)
     _, about_kept = restore(written, out, first_branch=not case.dynamics and not _turns_back(imported))

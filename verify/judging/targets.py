@@ -7,6 +7,7 @@ import numpy as np
 
 from cases import Case, Check
 from cases.errors import UserError
+from cases.geometry import SLACK
 from cases.judging import EACH
 from physics.exact import SOLUTIONS
 from physics.surface_energy import seen_toughness as toughness_of_cells
@@ -67,6 +68,20 @@ def _require_metric(case: Case, number: int, check: Check) -> None:
             raise JudgeError(
                 f"{where}.parameters.{name}: {check.metric} has no such parameter; it has: {known_names}."
             )
+    lacking = [name for name in metric.needed_parameters if name not in check.parameters]
+    if lacking:
+        raise JudgeError(f"{where}.parameters: {check.metric} needs {', '.join(lacking)}; add what is missing.")
+    _require_body_and_time(case, check, f"{where}.parameters")
+
+
+def _require_body_and_time(case: Case, check: Check, where: str) -> None:
+    """Refuse a body that the case does not have, and a time that its runs do not reach."""
+    body, time = check.parameters.get("body"), check.parameters.get("time")
+    if body is not None and body not in case.bodies:
+        raise JudgeError(f"{where}.body: {body!r} is no body of this case; name one of {', '.join(case.bodies)}.")
+    end = np.inf if case.dynamics is None else case.dynamics.end_time
+    if isinstance(time, int | float) and time > end * (1.0 + SLACK):
+        raise JudgeError(f"{where}.time: {time:g} comes after dynamics.end_time = {end:g}; give a time up to it.")
 
 
 def _has_counterpart(case: Case, check: Check) -> bool:

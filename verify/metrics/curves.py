@@ -42,7 +42,8 @@ def reversal(values: Array) -> float:
 class Curve:
     """A validated load-displacement curve.
 
-    u : (n,) load parameter in load order; F : (n,) force conjugate to u; source : what to call it in messages.
+    u : (n,) load parameter in load order; F : (n,) force conjugate to u; source : what to call it in messages;
+    solved : by a solver of ours, which names its columns right.
 
     Raises CurveError for fewer than two points, unequal lengths, NaN or infinity, a u that never moves, and
     swapped columns. Columns count as swapped when u steps back by more than ``REVERSAL_TOLERANCE`` of its
@@ -54,6 +55,7 @@ class Curve:
     u: Array
     F: Array
     source: str = "curve"
+    solved: bool = False
 
     def __post_init__(self) -> None:
         for name in ("u", "F"):
@@ -61,7 +63,8 @@ class Curve:
             values.setflags(write=False)
             object.__setattr__(self, name, values)
         _require_values(self)
-        _require_columns_in_order(self)
+        if not self.solved:
+            _require_columns_in_order(self)
 
     @classmethod
     def from_history(cls, history: pd.DataFrame, source: str = "history") -> Curve:
@@ -71,7 +74,8 @@ class Curve:
             present = ", ".join(map(str, history.columns)) or "none"
             raise CurveError(f"{source}: has no column {' or '.join(missing)} (it has {present}); add or name it")
         u, F = (pd.to_numeric(history[name], errors="coerce").to_numpy(dtype=float) for name in ("u", "F"))
-        return cls(u, F, source)
+        counts = pd.to_numeric(history.get("staggered", pd.Series(dtype=float)), errors="coerce")
+        return cls(u, F, source, solved=bool((counts > 0).any()))
 
     @property
     def cyclic(self) -> bool:

@@ -90,6 +90,12 @@ class Metric:
             if parameter.kind is inspect.Parameter.KEYWORD_ONLY
         ]
 
+    @property
+    def needed_parameters(self) -> list[str]:
+        """Names of the parameters that a check must give."""
+        given = inspect.signature(self.function).parameters
+        return [name for name in self.parameters if given[name].default is inspect.Parameter.empty]
+
     def error(self, value: float, target: float | None, kind: str) -> float:
         """Distance of a value from its target, "absolute" or "relative"; without a target its size.
 

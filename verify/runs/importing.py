@@ -191,7 +191,7 @@ def _values(table: pd.DataFrame, target: str, source: Source, case: Case, file: 
     bad = ~np.isfinite(values)
     if bad.any():
         where = f"{source.column!r} is no finite number in row {int(bad.argmax()) + 1} ({bad.sum()} of {len(bad)} rows)"
-        raise ImportedError(f"{file}: column {where}; correct or remove what is not.")
+        raise ImportedError(f"{file}: column {where}; correct or remove what is not, with a point for decimals.")
     try:
         factor = unit_factor(source.unit, target, case.units, _kinds(case)) if source.unit else 1.0
     except BrokenRuleError as error:

@@ -5,9 +5,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from cases import Case, UserError
-from cases.solvers import SOLVERS
+from cases.solvers import IMPORTED, SOLVERS
 from cases.spacing import count_cells
 from physics.rocking.records import missing_record
+from verify.runs.importing import history_of, read_foreign
 from verify.runs.running import DISCRETISATIONS
 
 #: cells of a grid up to which a solver is set up to hear whether it takes a case
@@ -57,10 +58,14 @@ def refusals(cases: Iterable[Case]) -> Refusals:
 
 def _refusal(case: Case) -> str:
     """What the solver of a case's run says against it; empty where it takes it."""
-    if SOLVERS[case.run_spec(case.run or "").solver].table:
+    solver = case.run_spec(case.run or "").solver
+    if SOLVERS[solver].table and solver != IMPORTED:
         return ""
     try:
-        DISCRETISATIONS[case.run_spec(case.run or "").solver](case)
+        if solver == IMPORTED:
+            history_of(read_foreign(case)[0], case)
+            return ""
+        DISCRETISATIONS[solver](case)
     except UserError as error:
         return str(error)
     except ModuleNotFoundError:  # an extra that is not installed is no fault of the case
