@@ -141,11 +141,14 @@ class _Builder:
         return {key: read[key][1] if key in read and read[key][0] is value else value for key, value in tables.items()}
 
     def check_variants(self, case: Case) -> None:
-        """Raise CaseError for a mistake in any run of this tier or in any other tier."""
-        for run in case.expanded_runs():
-            self.case(case.tier, run, case)
-        for tier in case.tiers:
-            self.case(tier)
+        """Raise CaseError for a mistake in any run of this tier or in any other tier, or for what none of them does."""
+        variants = [self.case(case.tier, run, case) for run in case.expanded_runs()]
+        variants += [self.case(tier) for tier in case.tiers]
+        paths = [variant.load.path for variant in variants if variant.dynamics is None]
+        for number, u in enumerate(case.output.snapshots):
+            if paths and not any(min(path) <= u <= max(path) for path in paths):
+                remedy = "give a load parameter that load.path passes"
+                raise sentence(self.source, f"output.snapshots[{number}]", u, "is off the load path of every run", remedy)
 
     def _has_known_tables(self) -> None:
         known = list(CaseDescription.model_fields)

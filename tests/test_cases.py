@@ -433,6 +433,7 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "unknown key far from all": (toy(mesh__zzz=1), "mesh.zzz", "known: h, coarse"),
     "unknown table": (toy(meshh={}), "meshh", "did you mean 'mesh'"),
     "top-level key in a table": (toy(output__exact="at2"), "output.exact", "above the first [table]"),
+    "snapshot off the path": (toy(output__snapshots=[0.001, 7.0]), "output.snapshots[1]", "that load.path passes"),
     "misspelt key of a notch": (toy(notches=[SLIT | {"widht": 1}]), "notches[0].widht", "known: start, end"),
     "missing key": (without("mesh", "h"), "mesh.h", "add it"),
     "missing units": (without("units"), "units", "add the table [units]"),
