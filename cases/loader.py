@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from cases.case import Case
 from cases.errors import CaseError
 from cases.files import read_text
+from cases.geometry import SLACK
 from cases.judging import TIERS, merge, nest
 from cases.messages import case_error, sentence
 from cases.schema import CaseDescription
@@ -146,7 +147,8 @@ class _Builder:
         variants += [self.case(tier) for tier in case.tiers]
         paths = [variant.load.path for variant in variants if variant.dynamics is None]
         for number, u in enumerate(case.output.snapshots):
-            if paths and not any(min(path) <= u <= max(path) for path in paths):
+            slack = SLACK * abs(u)  # 300 um and 0.3 mm differ by rounding
+            if paths and not any(min(path) - slack <= u <= max(path) + slack for path in paths):
                 remedy = "give a load parameter that load.path passes"
                 raise sentence(self.source, f"output.snapshots[{number}]", u, "is off the load path of every run", remedy)
 

@@ -276,11 +276,12 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
 def _notches_leave_bodies(case: CaseDescription) -> None:
     """Cells that are left out do not take all of a body."""
     notches = [notch for notch in case.notches if isinstance(notch, CellsNotch)]
+    if not notches:
+        return
     lines = [shapely.LineString([notch.start, notch.end]).buffer(notch.width / 2, cap_style="flat") for notch in notches]
+    left_out = shapely.union_all(lines).buffer(slack_of(case.bounding_box()))
     for name, body in case.bodies.items():
-        if notches and body.shape and shapely.union_all(lines).buffer(slack_of(case.bounding_box())).covers(
-            body.shape.outline()
-        ):
+        if body.shape and left_out.covers(body.shape.outline()):
             raise BrokenRuleError("is left out by the notches", "make them narrower or shorter", f"bodies.{name}")
 
 

@@ -183,6 +183,14 @@ def test_spellings_of_one_stress(text: str) -> None:
     assert Units(length="mm", force="kN").convert(text, "stress") == pytest.approx(1e-3)
 
 
+def test_a_snapshot_at_the_end_of_the_path_may_be_in_another_unit() -> None:
+    """700 times a thousandth is a little more than 0.7, 600 a little less than 0.6."""
+    for end in ("0.3 mm", "0.6 mm", "0.7 mm", "0.9 mm"):
+        snapshot = f"{float(end.split()[0]) * 1e3:.0f} um"
+        case = case_from_tables(toy(load__path=[0.0, end], output__snapshots=[snapshot]))
+        assert case.output.snapshots[0] == pytest.approx(case.load.path[1], rel=1e-12)
+
+
 def test_tiers_and_runs_are_merged(toy_file: Path) -> None:
     assert load_case(toy_file).mesh.h == 0.02
     assert load_case(toy_file, "quick").mesh.h == 0.04

@@ -12,7 +12,7 @@ from mpm.explicit.body_fields import fields_of
 from mpm.explicit.body_motion import body_angle, regions_of
 from mpm.explicit.contact import Contact
 from mpm.explicit.march import March
-from mpm.explicit.moving_body import Carried
+from mpm.explicit.moving_body import Carried, MovingBody
 from mpm.explicit.phase_field import PointPhaseField
 from mpm.explicit.prescribed import Tractions, held_lines
 from mpm.explicit.rigid_body import FreeRigidBody, make_body
@@ -53,8 +53,8 @@ class ExplicitMaterialPoints:
         self._moving = [body for body in self.bodies if not body.keeps_velocity]
         self._deforming = [body for body in self.bodies if body.deforms]
         _check_notches(case, self.cloud)
-        self._start_from_exact()
-        self._start_notches()
+        _start_from_exact(case, self._deforming)
+        _start_notches(case, self.bodies)
         self.contact = Contact(case, self.bodies)
         self._regions = regions_of(case, self.bodies, self.cloud)
         self._lines = held_lines(case, self.bodies, self.cloud)
@@ -69,28 +69,6 @@ class ExplicitMaterialPoints:
         self._march = March(case, self.bodies, self.contact, self._lines, self._frame) if can_march else None
         self._updates_last = case.dynamics.order_of_update == "musl"
         self.costs.count["points"] = len(self.cloud.positions)
-
-    def _start_from_exact(self) -> None:
-        """Velocities and strains of the case's exact solution at the start, where it has them."""
-        solution = SOLUTIONS.get(self.case.exact or "")
-        for body in self._deforming:
-            motion, elastic = body.points.motion, body.points.elastic
-            if solution is not None and solution.velocity is not None:
-                motion.vx[:], motion.vy[:] = solution.velocity(self.case, body.positions(), 0.0).T
-            if solution is not None and solution.strain is not None:
-                elastic.exx[:], elastic.eyy[:], elastic.gxy[:] = solution.strain(self.case, body.positions(), 0.0).T
-            body.wandering.largest_speed = body.points.largest_speed()
-            body.evaluate_stresses()
-
-    def _start_notches(self) -> None:
-        """Initial history fields of the notches that are drawn by them (Eq. 6.51)."""
-        table = MaterialTable(self.case)
-        for number, body in enumerate(self.bodies):
-            if body.breakable:
-                toughness, length_scale = table.toughness[number], table.length_scale[number]
-                history = body.points.crack.history
-                drawn = initial_history(self.case, body.positions(), toughness, length_scale)
-                np.maximum(history, drawn, out=history)
 
     def _break_notches(self) -> None:
         """Phase field and stresses at the start."""
@@ -320,6 +298,29 @@ def _refuse_what_needs_a_grid_that_stays(case: Case) -> None:
                 f"{case.source}: notches: the slit from {list(notch.start)} to {list(notch.end)} would open a grid"
                 f' that stays, this one moves; give kind = "cells" with a width of {3.0 * case.mesh.h:g}, or "history".'
             )
+
+
+def _start_from_exact(case: Case, deforming: Sequence[MovingBody]) -> None:
+    """Velocities and strains of the case's exact solution at the start, where it has them."""
+    solution = SOLUTIONS.get(case.exact or "")
+    for body in deforming:
+        motion, elastic = body.points.motion, body.points.elastic
+        if solution is not None and solution.velocity is not None:
+            motion.vx[:], motion.vy[:] = solution.velocity(case, body.positions(), 0.0).T
+        if solution is not None and solution.strain is not None:
+            elastic.exx[:], elastic.eyy[:], elastic.gxy[:] = solution.strain(case, body.positions(), 0.0).T
+        body.wandering.largest_speed = body.points.largest_speed()
+        body.evaluate_stresses()
+
+
+def _start_notches(case: Case, bodies: Sequence[MovingBody]) -> None:
+    """Initial history fields of the notches that are drawn by them (Eq. 6.51)."""
+    table = MaterialTable(case)
+    for number, body in enumerate(bodies):
+        if body.breakable:
+            history = body.points.crack.history
+            drawn = initial_history(case, body.positions(), table.toughness[number], table.length_scale[number])
+            np.maximum(history, drawn, out=history)
 
 
 def _check_notches(case: Case, cloud: PointCloud) -> None:
