@@ -36,7 +36,7 @@ def hinges(results: CaseResults, folder: Path) -> style.Drawing | None:
     colours, tables = style.colours_of([run.name for run in runs]), []
     for run in runs:
         table = _least_over_angle(run)
-        axes.plot(table["angle"], table["c"], run.method.line, color=colours[run.name], label=run.label)
+        axes.plot(table["angle"], table["c"], linestyle=run.method.line, color=colours[run.name], label=run.label)
         tables.append(table.assign(run=run.name))
     factor, exact = exact_hinges(arch)
     for number_of_line, place in enumerate(exact):

@@ -102,7 +102,7 @@ def _draw_published(axes: Any, published: list[tuple[str, pd.DataFrame]]) -> Non
 def _draw_history(axes: Any, run: RunResults, colour: str, force: str, displacement: str) -> None:
     history, peak = run.history, peak_row(run.history)
     said = f"{run.label}, peak {number(peak['F'])} {force} at {number(peak['u'])} {displacement}"
-    axes.plot(history["u"], history["F"], run.method.line, color=colour, label=said, zorder=3)
+    axes.plot(history["u"], history["F"], linestyle=run.method.line, color=colour, label=said, zorder=3)
     ring = {"markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.2}
     axes.plot(peak["u"], peak["F"], "o", color=colour, zorder=4, **ring)
 
@@ -130,7 +130,7 @@ def _relative_error(
         run, name = results.runs.get(curve["run"]), curve["run"]
         error = table["relative_error_percent"].where(_is_loaded(table, carried["F_reference"]))
         axes.plot(
-            table["u"], error, run.method.line if run else "-", color=colours.get(name, style.INK), label=name
+            table["u"], error, linestyle=run.method.line if run else "-", color=colours.get(name, style.INK), label=name
         )
     axes.axhline(0.0, color=style.GREY, linewidth=0.8)
     axes.axvline(carried["u"], color=style.GREY, linewidth=0.9, linestyle=":", label=f"peak of {reference}")
@@ -215,18 +215,18 @@ def _energy_sum(history: pd.DataFrame) -> pd.Series:
 
 
 def _draw_energies(axes: Any, run: RunResults) -> None:
-    history, line = run.history, run.method.line
+    history, look = run.history, {"linestyle": run.method.line, "marker": ""}
     axes.plot(
         history["u"], history["W_ext"], color=style.GREY, linewidth=3.4, alpha=0.55, label="external work"
     )
     told = history.dropna(subset=["E_el", "E_frac"])
     if len(told) < len(history):  # integrated from the fields of some states
-        history, line = told, "o"
+        history, look = told, {"linestyle": "", "marker": "o"}
     axes.plot(history["u"], _energy_sum(history), "-", color="black", linewidth=0.9, label="sum of energies")
-    axes.plot(history["u"], history["E_el"], line, color=style.OKABE_ITO[0], label="elastic")
-    axes.plot(history["u"], history["E_frac"], line, color=style.OKABE_ITO[1], label="fracture")
+    axes.plot(history["u"], history["E_el"], color=style.OKABE_ITO[0], label="elastic", **look)
+    axes.plot(history["u"], history["E_frac"], color=style.OKABE_ITO[1], label="fracture", **look)
     if "E_kin" in history and history["E_kin"].abs().max() > 0:
-        axes.plot(history["u"], history["E_kin"], line, color=style.OKABE_ITO[2], label="kinetic")
+        axes.plot(history["u"], history["E_kin"], color=style.OKABE_ITO[2], label="kinetic", **look)
 
 
 def _balance_caption(runs: list[RunResults]) -> str:
@@ -308,7 +308,7 @@ def _draw_sweep(axes: Any, base: str, part: pd.DataFrame, colour: str) -> float:
     h, error = part["h"].to_numpy(float), part["error"].to_numpy(float)
     slope = float(np.polyfit(np.log(h), np.log(error), 1)[0]) if len(h) > 1 else float("nan")
     line, said = method_of(str(part["solver"].iloc[0])).line, f"{base}: slope {number(slope, 3)}"
-    axes.plot(h, error, line, marker="o", markersize=4, color=colour, label=said)
+    axes.plot(h, error, linestyle=line, marker="o", markersize=4, color=colour, label=said)
     theory = float(part["theory"].iloc[0])
     if len(h) > 1 and np.isfinite(theory):
         _draw_slope_triangle(axes, h, error, theory)

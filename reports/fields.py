@@ -373,7 +373,7 @@ def crack_paths(results: CaseResults, folder: Path) -> style.Drawing | None:
         draw_outlines(panel, results.case)
         for run in runs:
             look = {"color": colours[run.name], "linewidth": 1.6, "label": run.label}
-            panel.plot(*run.crack_path.T, run.method.line, **look)
+            panel.plot(*run.crack_path.T, linestyle=run.method.line, **look)
         panel.set_aspect("equal")
     lower, upper = extent_of(results)
     fit_axes(axes[0], lower, upper)

@@ -80,7 +80,7 @@ def _draw_over_time(axes: Any, runs: list[RunResults], colours: dict[str, str], 
     for run in runs:
         if run.name in values:
             look = {"color": colours[run.name], "label": run.label}
-            axes.plot(run.history["time"], values[run.name], run.method.line, **look)
+            axes.plot(run.history["time"], values[run.name], linestyle=run.method.line, **look)
 
 
 def _missing_energy(history: pd.DataFrame) -> np.ndarray:
@@ -127,11 +127,11 @@ def tip_speed(results: CaseResults, folder: Path) -> style.Drawing | None:
 
 
 def _draw_speeds(axes: Any, run: RunResults, table: pd.DataFrame, colour: str) -> None:
-    line = run.method.line
     for number_of_branch, part in table.groupby("branch"):
         first = number_of_branch == table["branch"].min()
         label = run.label if first else None
-        axes.plot(part["time"], part["speed"], line, color=colour, linewidth=1.5 if first else 0.9, label=label)
+        look = {"linestyle": run.method.line, "linewidth": 1.5 if first else 0.9}
+        axes.plot(part["time"], part["speed"], color=colour, label=label, **look)
 
 
 def _branching_in_words(results: CaseResults, found: dict[str, Any]) -> str:

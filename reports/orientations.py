@@ -57,7 +57,8 @@ def critical_load(results: CaseResults, folder: Path) -> style.Drawing | None:
     for family, part in table.groupby("family", sort=False):
         row = part.sort_values(KEY)
         line = method_of(str(row["solver"].iloc[0])).line
-        axes.plot(row[KEY], row["peak_force"], line, marker="o", markersize=4, color=colours[str(family)], label=family)
+        look = {"linestyle": line, "marker": "o", "markersize": 4, "color": colours[str(family)]}
+        axes.plot(row[KEY], row["peak_force"], label=family, **look)
     axes.legend()
     return style.drawing(
         figure, folder, "critical-load-over-orientation", "Critical load over material orientation",

@@ -104,7 +104,8 @@ def _draw_case(axis: Any, table: pd.DataFrame, name: str, colours: dict[str, str
     for solver, colour in colours.items():
         part, method = mine[mine["solver"] == solver], method_of(solver)
         axis.plot(
-            part["seconds"], part["error"], method.line, marker="o", markersize=4, color=colour, label=method.title
+            part["seconds"], part["error"], linestyle=method.line, marker="o", markersize=4, color=colour,
+            label=method.title,
         )
     for count, (_, other) in enumerate(others.groupby(["case", "solver"], sort=False)):
         label = "" if count else "the other cases"

@@ -47,7 +47,7 @@ def _angles_of_region(results: CaseResults, name: str, folder: Path) -> style.Dr
     for run in runs:
         table = pd.DataFrame({"run": run.name, "time": run.history["time"]})
         table["angle"] = np.degrees(np.unwrap(run.history[f"{name}_angle"]))
-        axes.plot(table["time"], table["angle"], run.method.line, color=colours[run.name], label=run.label)
+        axes.plot(table["time"], table["angle"], linestyle=run.method.line, color=colours[run.name], label=run.label)
         tables.append(table)
     style.legend_below(figure, [axes])
     said = listed(f"{t['run'].iloc[0]} {number(float(t['angle'].abs().max()), 3)}°" for t in tables)

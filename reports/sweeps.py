@@ -97,7 +97,7 @@ def values_over_sweep(results: CaseResults, folder: Path) -> list[style.Drawing]
         said = f"{str(metric).replace('_', ' ')}" + ("" if row["unit"].iloc[0] == "1" else f" [{row['unit'].iloc[0]}]")
         figure, axes = style.curve_axes(6.4, 3.8, str(row["swept"].iloc[0]), said)
         line = method_of(str(row["solver"].iloc[0])).line
-        axes.plot(row["x"], row["value"], line, marker="o", markersize=4, label="computed")
+        axes.plot(row["x"], row["value"], linestyle=line, marker="o", markersize=4, label="computed")
         axes.plot(row["x"], row["target"], "x", color="black", markersize=6, label="published", zorder=4)
         axes.legend()
         name, title = f"{style.slug(str(metric))}-{style.slug(str(family))}", f"{said} over {row['swept'].iloc[0]}"

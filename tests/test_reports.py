@@ -21,6 +21,7 @@ import pytest
 from synthetic_run import TITLE, write_verification
 
 from cases import load_case
+from cases.solvers import SOLVERS, Solver
 from reports import curves, motion, orientations, scene, style, surface, sweeps, write_report
 from reports.fields import point_image
 from reports.report import SECTIONS, readme_html
@@ -215,6 +216,18 @@ def test_momentum_of_two_bodies_is_drawn(tmp_path: Path) -> None:
     drawing = motion.momentum(results, tmp_path)
     assert drawing is not None and (tmp_path / drawing.file).stat().st_size > 0
     assert set(columns) < set(pd.read_csv(tmp_path / str(drawing.data)).columns)
+
+
+@pytest.mark.parametrize("solver", SOLVERS.values(), ids=lambda solver: solver.name)
+def test_energies_of_every_solver_are_drawn_with_its_line(solver: Solver) -> None:
+    """Some have a pattern of dashes in place of one of matplotlib's short names."""
+    history = pd.DataFrame({name: [0.0, 1.0] for name in ("u", "time", "E_el", "E_frac", "E_kin", "W_ext")})
+    run = SimpleNamespace(name="run", label="run", method=solver, history=history)
+    figure, grid = style.panels(1, 2, 4.0, 2.0)
+    motion._draw_over_time(grid.flat[0], [run], {"run": "black"}, {"run": history["E_el"]})
+    curves._draw_energies(grid.flat[1], run)
+    figure.draw_without_rendering()
+    assert [len(axes.lines) for axes in grid.flat] == [1, 5]
 
 
 def test_a_metric_is_drawn_over_the_one_number_swept(tmp_path: Path) -> None:
