@@ -109,14 +109,14 @@ def _distinct(motions: Mapping[str, GroundMotion]) -> dict[str, GroundMotion]:
 
 def ground(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw the acceleration of the ground over time and its response spectrum; of runs that differ, each one's."""
-    case = results.case
-    if case is None or case.dynamics is None or case.dynamics.ground is None:
+    case, runs = results.case, results.shown_runs()
+    if case is None or case.dynamics is None or case.dynamics.ground is None or not runs:
         return None
     figure, grid = style.panels(1, 2, 8.2, 3.2, grid=True)
     from physics.rocking.ground import response_spectrum
     from physics.rocking.of_case import ground_motion  # compiled: on use
 
-    motions = {run.name: ground_motion(run.folder.case) for run in results.shown_runs()}
+    motions = {run.name: ground_motion(run.folder.case) for run in runs}
     distinct = list(_distinct(motions).items())
     colours = style.colours_of([name for name, _ in distinct])
     unit, tables = results.unit("acceleration"), []

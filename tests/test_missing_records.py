@@ -1,6 +1,7 @@
 """Measured motions that are not there: told at every place where a case needs one, no failure and no pass."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from cases.errors import MissingRecordError
 from numerics.status import RunStatus
 from physics.rocking.of_case import ground_motion
 from physics.rocking.records import missing_record
+from reports import rocking
 from verify import cli, compare
 from verify.cli import main
 from verify.judging.summary import exit_code, summarise
@@ -72,6 +74,11 @@ def test_a_file_of_its_name_beside_the_case_takes_its_place_and_is_part_of_it(ca
     (case_file.parent / "RSN1244-N.csv").write_text("time,acceleration\n0,0\n1,0.2\n1,0\n")
     with pytest.raises(CaseError, match=r"RSN1244-N.csv.* not later"):
         ground_motion(case)
+
+
+def test_the_ground_is_not_drawn_where_no_run_has_it(case_file: Path, tmp_path: Path) -> None:
+    results = SimpleNamespace(case=load_case(case_file), shown_runs=list)
+    assert rocking.ground(results, tmp_path) is None
 
 
 def test_a_run_of_its_own_is_refused_with_the_sentence(case_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
