@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -305,6 +306,21 @@ def test_a_crack_along_a_held_edge_is_told_and_a_welded_end_prevents_it(solver, 
     (clamped, less), (welded, all_of_it) = torn("clamped", ()), torn("welded", (-0.2, 1.0))
     assert beyond(clamped) == {"held_crack"} and not beyond(welded)
     assert less < 0.95 * all_of_it
+
+
+@pytest.mark.parametrize(("on", "held"), [("bottom", True), ("foot", True), ("left", False)])
+def test_an_edge_is_held_in_both_directions_by_sets_along_it_and_not_by_those_that_meet_it(on, held, tmp_path):
+    square = {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}
+    constraints = [{"on": "bottom", "direction": "y", "value": 0}, {"on": on, "direction": "x", "value": 0}]
+    case = case_from_tables({
+        **PLATE, "materials": BREAKABLE, "bodies": {"plate": square},
+        "boundaries": {"foot": {"segment": [[0.0, 0.0], [1.0, 0.0]]}},
+        "constraints": [*constraints, {"on": "top", "direction": "y", "scale": 1}], "mesh": {"h": 0.05},
+    }, run="fem")  # fmt: skip
+    fields = DISCRETISATIONS["fem"](case).fields()
+    torn = np.where(fields.reference[:, 1] < 0.05, 0.0, 1.0)
+    found = health(case, pd.DataFrame(), replace(fields, phase_field=torn), {})["held_crack"]
+    assert found == (1.0 if held else 0.0)
 
 
 def test_what_a_notch_drawn_by_its_history_damages_is_no_crack_in_coarse_cells(tmp_path):

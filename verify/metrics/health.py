@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -428,11 +429,13 @@ def _held_crack(case: Case, fields: Fields) -> dict[str, float]:
     if not case.fracture_enabled:
         return {}
     lengths, held = _length_scales(case, fields), np.zeros(len(fields.body), bool)
-    for on in {constraint.on for constraint in case.constraints}:
-        of_set = [constraint for constraint in case.constraints if constraint.on == on]
-        directions = {constraint.direction for constraint in of_set}
-        if {"x", "y"} <= directions or any(constraint.motion for constraint in of_set):
-            held |= _within(case, fields, on, lengths)
+    near: dict[str, list[NDArray]] = {"x": [], "y": []}
+    for constraint in case.constraints:
+        for direction in near.keys() & ({"x", "y"} if constraint.motion else {constraint.direction}):
+            near[direction].append(_within(case, fields, constraint.on, lengths))
+    for one, other in product(near["x"], near["y"]):
+        if 2 * (one & other).sum() > min(one.sum(), other.sum()):  # edges that only meet in a corner are two
+            held |= one & other
     for constraint in case.constraints:
         if constraint.direction == "phase":
             held &= ~_within(case, fields, constraint.on, lengths)
