@@ -111,6 +111,18 @@ def test_damping_slows_a_free_body_and_its_work_is_counted(tmp_path):
     assert last.external_power == pytest.approx(-2.0 * 0.3 * last.kinetic, rel=1e-12)
 
 
+def test_the_columns_of_a_free_bar_follow_it_as_a_whole(tmp_path):
+    free = BAR[: BAR.index("    constraints")] + BAR[BAR.index("    dynamics") :]
+    turning = "velocity = [1.0, 0.5], velocity_gradient = [[0.0, -1e-4], [1e-4, 0.0]], shape ="
+    case = case_of(tmp_path, free.replace("shape =", turning), h=0.5, share=0.5)
+    first, *_, last = (instant.columns for instant in instants(ExplicitFiniteElements(case), case))
+    assert (first["bar_x"], first["bar_y"]) == pytest.approx((5.0, 0.5))
+    assert last["bar_x"] - first["bar_x"] == pytest.approx(4.0 * first["bar_momentum_x"] / 10.0, rel=1e-9)
+    assert last["bar_momentum_y"] == pytest.approx(first["bar_momentum_y"], rel=1e-9)
+    assert first["bar_spin"] == pytest.approx(1e-4, rel=1e-9)
+    assert last["bar_spin"] == pytest.approx(1e-4, rel=0.05)
+
+
 def test_a_run_starts_from_the_exact_velocity_and_from_no_exact_strain(variant):
     bar = variant("vibrating_bar", "fem", mesh={"h": 5.0})
     start = ExplicitFiniteElements(bar).balance().kinetic

@@ -53,6 +53,7 @@ class MovingNodes:
         assert case.dynamics is not None
         n_nodes, corners = len(basis.nodes), basis.elements.ravel()
         self._basis, self._frame, self._damping = basis, MovingFrame(case), 0.0
+        (self._body,) = case.bodies
         self._corners = np.argsort(corners, kind="stable")
         self._starts = np.searchsorted(corners[self._corners], np.arange(n_nodes + 1))
         share = np.einsum("qa,eq->ea", basis.shape, basis.volume) * density[:, None]
@@ -94,3 +95,13 @@ class MovingNodes:
         if self._damping:
             free = free - self._damping * self.mass[:, None] * velocity
         return np.where(self.held, self.inner_forces, free)
+
+    def as_a_whole(self, displacement: NDArray, velocity: NDArray) -> dict[str, float]:
+        """Columns of the body's motion: centre of mass [length], momentum, and angular velocity [1/time]."""
+        mass = self.mass[:, None]
+        middle, momentum = ((mass * of).sum(axis=0) for of in (self._basis.nodes + displacement, velocity))
+        middle = middle / mass.sum()
+        x, y = (self._basis.nodes + displacement - middle).T
+        spin = (self.mass * (x * velocity[:, 1] - y * velocity[:, 0])).sum() / (self.mass * (x**2 + y**2)).sum()
+        values = {"x": middle[0], "y": middle[1], "momentum_x": momentum[0], "momentum_y": momentum[1], "spin": spin}
+        return {f"{self._body}_{key}": float(value) for key, value in values.items()}

@@ -199,8 +199,11 @@ class ExplicitFiniteElements:
         return float(self._phase_field.points.value.min())
 
     def monitored(self) -> dict[str, float]:
-        """Nothing beyond what every dynamic run records."""
-        return {}
+        """Motion of the body as a whole."""
+        self._bring_up_to_date()
+        return self._nodes.as_a_whole(
+            self.motion.displacement, self._nodes.velocity_after(self.motion.velocity, self.motion.ahead)
+        )
 
     def measures(self) -> dict[str, float]:
         """Lengths of the edges that tractions act on."""
