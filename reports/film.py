@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from numba import njit
 
-from verify.runs.frames import Frame, read_frames
 
 from . import style
 from .arch import hinges_with_places
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.image import AxesImage
+
+    from verify.runs.frames import Frame
 
     from .results import CaseResults, RunResults
 
@@ -41,23 +43,17 @@ class _View:
         self.upper: np.ndarray = np.asarray(upper + margin)
         extent: np.ndarray = np.asarray(self.upper - self.lower)
         self.shape: np.ndarray = np.asarray(np.maximum(np.round(PIXELS * extent / extent.max()).astype(int), 1))
-        centres = [self.lower[d] + (np.arange(self.shape[d]) + 0.5) / self.shape[d] * extent[d] for d in (0, 1)]
-        self.pixels = np.stack(np.meshgrid(*centres), axis=-1).reshape(-1, 2)
         self.aspect = float(extent[1] / extent[0])
 
-    def paint(self, places: np.ndarray, values: np.ndarray) -> np.ma.MaskedArray:
-        """Image (rows, columns): the value of the nearest point, masked where there is none near or it is NaN."""
+    def nearest(self, places: np.ndarray) -> np.ndarray:
+        """Number of the point nearest to each pixel (rows, columns), -1 where there is none near."""
         from scipy.spatial import cKDTree
 
-        tree = cKDTree(places)
+        tree = cKDTree(places, compact_nodes=False, balanced_tree=False)
         to_neighbours, _ = tree.query(places[:: max(1, len(places) // 500)], k=[2])
-        spacing = float(np.median(to_neighbours))
-        pixel = float((self.upper - self.lower).max()) / PIXELS
-        distance, nearest = tree.query(self.pixels, distance_upper_bound=max(REACH * spacing, pixel))
-        found = np.isfinite(distance)
-        image = np.full(len(self.pixels), np.nan)
-        image[found] = values[np.asarray(nearest)[found]]
-        return np.ma.masked_invalid(image.reshape(self.shape[1], self.shape[0]))
+        extent = self.upper - self.lower
+        reach = max(REACH * float(np.median(to_neighbours)), float(extent.max()) / PIXELS)
+        return _nearest_to_pixels(places.astype(float), self.lower, extent / self.shape, tuple(self.shape), reach)
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -65,18 +61,34 @@ class _View:
         return self.lower[0], self.upper[0], self.lower[1], self.upper[1]
 
 
+@njit(cache=True)
+def _nearest_to_pixels(
+    places: np.ndarray, lower: np.ndarray, pixel: np.ndarray, shape: tuple[int, int], reach: float
+) -> np.ndarray:
+    """Each point (n, 2) offers itself to the pixels within reach: far fewer than a search from every pixel looks at."""
+    columns, rows = shape
+    nearest = np.full((rows, columns), -1)
+    least = np.full((rows, columns), reach**2)
+    for point in range(len(places)):
+        x, y = (places[point] - lower) / pixel - 0.5  # in pixels, from the centre of the first
+        across, up = reach / pixel
+        for row in range(max(0, int(np.ceil(y - up))), min(rows - 1, int(np.floor(y + up))) + 1):
+            for column in range(max(0, int(np.ceil(x - across))), min(columns - 1, int(np.floor(x + across))) + 1):
+                distance = ((column - x) * pixel[0]) ** 2 + ((row - y) * pixel[1]) ** 2
+                if distance < least[row, column]:
+                    least[row, column] = distance
+                    nearest[row, column] = point
+    return nearest
+
+
 def _frames_of(results: CaseResults) -> list[tuple[RunResults, list[Frame]]]:
     """Runs with frames, and their frames."""
-    read = [(run, list(read_frames(run.folder.folder))) for run in results.main_runs(LARGEST_ROWS)]
-    return [(run, frames) for run, frames in read if frames]
+    return [(run, run.frames) for run in results.main_runs(LARGEST_ROWS) if run.frames]
 
 
-def _phase_field(view: _View, frame: Frame) -> np.ma.MaskedArray:
-    return view.paint(frame.reference + frame.displacement, frame.phase_field)
-
-
-def _stress(view: _View, frame: Frame) -> np.ma.MaskedArray:
-    return view.paint(frame.reference + frame.displacement, unbroken_stress(frame))
+def _paint(nearest: np.ndarray, values: np.ndarray) -> np.ma.MaskedArray:
+    """Image (rows, columns): the value of the nearest point, masked where there is none near or it is NaN."""
+    return np.ma.masked_invalid(np.where(nearest >= 0, values[nearest], np.nan))
 
 
 def _broke(all_frames: list[Frame]) -> bool:
@@ -98,6 +110,9 @@ def film(results: CaseResults, folder: Path) -> style.Film | None:
     marks = [row[0].axes.plot([], [], "o", ms=6, mfc="white", mec=style.INK, mew=1.2)[0] for row in images]
     hinges = [hinges_with_places(results, run) for run, _ in shown]
     files, times = [], []
+    moving = [artist for row, mark in zip(images, marks, strict=True) for artist in (*row, mark)]
+    edges = [spine for row in images for image in row for spine in image.axes.spines.values()]
+    pictures = style.Pictures(figure, [*moving, *edges, title], FILM_DPI)
     for step in range(count):
         for row, mark, of_run, (_, frames) in zip(images, marks, hinges, shown, strict=True):
             mark.set_data(*moved(frames[step], [place for hinge, place in of_run if hinge.time <= frames[step].time]).T)
@@ -105,8 +120,7 @@ def film(results: CaseResults, folder: Path) -> style.Film | None:
                 image.set_data(picture)
         times.append(float(shown[0][1][step].time))
         title.set_text(f"t = {number(times[-1])} {results.unit('time')}")
-        files.append(style.save_picture(figure, folder, f"film-{step:03d}", FILM_DPI))
-        figure.set_layout_engine("none")  # where the first one put everything
+        files.append(pictures.save(folder, f"film-{step:03d}"))
     caption = (
         f"{listed(run.label for run, _ in shown)} at {count} times, where the material is at the time. Mean stress: "
         f"(σxx + σyy)/2, colours cut at ±{number(limit, 3)} {results.unit('stress')}; points with "
@@ -124,7 +138,9 @@ def moved(frame: Frame, places: list[np.ndarray]) -> np.ndarray:
 
 
 def _pictures(view: _View, frame: Frame, broke: bool) -> list[np.ma.MaskedArray]:
-    return [_phase_field(view, frame), _stress(view, frame)] if broke else [_stress(view, frame)]
+    nearest = view.nearest(frame.reference + frame.displacement)
+    values = [frame.phase_field, unbroken_stress(frame)] if broke else [unbroken_stress(frame)]
+    return [_paint(nearest, each) for each in values]
 
 
 def _film_figure(
@@ -171,7 +187,7 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
     for row, (run, frames) in zip(grid, shown, strict=True):
         for axes, step in zip(row, chosen, strict=True):
             painted = axes.imshow(
-                _phase_field(view, frames[step]), extent=view.box, origin="lower", interpolation="nearest",
+                _pictures(view, frames[step], True)[0], extent=view.box, origin="lower", interpolation="nearest",
                 **style.PHASE_FIELD,
             )  # fmt: skip
             axes.set_title(f"{run.label}, t = {number(frames[step].time, 3)} {results.unit('time')}", fontsize=8)

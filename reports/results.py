@@ -15,6 +15,7 @@ import pandas as pd
 from cases import Case, CaseError, load_case
 from cases.solvers import SOLVERS, Solver
 from numerics.status import RunStatus
+from verify.runs.frames import Frame, read_frames
 from verify.runs.run_folder import RunFolder, RunFolderError
 
 if TYPE_CHECKING:
@@ -131,6 +132,11 @@ class RunResults:
     def stored(self) -> np.ndarray:
         """Displacements u of the stored states in the order of the load path."""
         return self.folder.index["u"].to_numpy(float) if self._folder else np.empty(0)
+
+    @cached_property
+    def frames(self) -> list[Frame]:
+        """The frames of a moving run in the order of time; none where it has none."""
+        return list(read_frames(self.folder.folder))
 
     def nearest_stored(self, u: float) -> float | None:
         """Return the u of the stored state nearest to ``u``; None when none is near."""

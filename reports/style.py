@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, LogLocator
+from PIL import Image
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from matplotlib.artist import Artist
     from matplotlib.axis import Axis
 
     from .interactive import Curves
@@ -31,6 +34,7 @@ PHASE_FIELD_LABEL = "phase field c (0 broken, 1 intact)"
 SIGNED_COLOURS = "RdBu_r"
 RASTER_DPI = 200
 RASTER_ABOVE = 5000  # more cells or points than this are drawn as pixels inside the SVG
+PICTURE_COMPRESSION = 4  # of a film's pictures
 BROKEN_BELOW = 0.08  # phase field under which the thesis removes material points (Fig. 4.9)
 
 SETTINGS: Any = {
@@ -100,11 +104,29 @@ def save(figure: Figure, folder: Path, name: str) -> str:
     return file.name
 
 
-def save_picture(figure: Figure, folder: Path, name: str, dpi: int) -> str:
-    """Write ``folder/name.png`` without program version; return the file's name."""
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / f"{name}.png", dpi=dpi, metadata={"Software": None})
-    return f"{name}.png"
+class Pictures:
+    """Pictures of one figure in which few artists change: all others are drawn and put in their places once."""
+
+    def __init__(self, figure: Figure, changing: Sequence[Artist], dpi: int) -> None:
+        """changing : artists in the order in which they are drawn over the others."""
+        figure.set_dpi(dpi)
+        self._figure, self._changing, self._canvas = figure, changing, FigureCanvasAgg(figure)
+        self._still: Any = None
+
+    def save(self, folder: Path, name: str) -> str:
+        """Write ``folder/name.png`` of the artists as they are now, without program version; return the file's name."""
+        if self._still is None:
+            for artist in self._changing:
+                artist.set_animated(True)
+            self._canvas.draw()
+            self._still = self._canvas.copy_from_bbox(self._figure.bbox)
+        self._canvas.restore_region(self._still)
+        for artist in self._changing:
+            artist.draw(self._canvas.get_renderer())
+        folder.mkdir(parents=True, exist_ok=True)
+        picture = Image.fromarray(np.asarray(self._canvas.buffer_rgba())).convert("RGB")
+        picture.save(folder / f"{name}.png", compress_level=PICTURE_COMPRESSION)
+        return f"{name}.png"
 
 
 def save_data(table: pd.DataFrame, folder: Path, name: str) -> str:
