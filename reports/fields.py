@@ -47,7 +47,7 @@ def paint_points(axes: Axes, case: Case | None, places: np.ndarray, values: np.n
     """
     assert case is not None  # a field comes with its case
     image, extent = point_image(case, places, values)
-    return axes.imshow(image, extent=extent, origin="lower", interpolation="nearest", **colours)
+    return axes.imshow(image, extent=extent, **style.IMAGE, **colours)
 
 
 def point_image(

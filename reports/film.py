@@ -157,7 +157,7 @@ def _film_figure(
     empty = np.zeros((view.shape[1], view.shape[0]))
     images = [
         [
-            axes.imshow(empty, extent=view.box, origin="lower", interpolation="nearest", **colours)
+            axes.imshow(empty, extent=view.box, **style.IMAGE, **colours)
             for axes, (_, colours) in zip(row, kinds, strict=True)
         ]
         for row in grid
@@ -187,9 +187,8 @@ def phase_field(results: CaseResults, folder: Path) -> style.Drawing | None:
     for row, (run, frames) in zip(grid, shown, strict=True):
         for axes, step in zip(row, chosen, strict=True):
             painted = axes.imshow(
-                _pictures(view, frames[step], True)[0], extent=view.box, origin="lower", interpolation="nearest",
-                **style.PHASE_FIELD,
-            )  # fmt: skip
+                _pictures(view, frames[step], True)[0], extent=view.box, **style.IMAGE, **style.PHASE_FIELD
+            )
             axes.set_title(f"{run.label}, t = {number(frames[step].time, 3)} {results.unit('time')}", fontsize=8)
         row[0].set_ylabel(f"y [{results.unit('length')}]")
     for axes in grid[-1]:

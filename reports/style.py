@@ -12,15 +12,19 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, LogLocator
 from PIL import Image
+
+from .remembering import remembered_layout
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from matplotlib.artist import Artist
     from matplotlib.axis import Axis
+    from matplotlib.transforms import Bbox
 
     from .interactive import Curves
     from .results import RunResults
@@ -29,12 +33,14 @@ if TYPE_CHECKING:
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY, INK, PALE = "#8a8f98", "#22262b", "#eceef1"
 MARKERS = ("o", "s", "^", "D", "v", "P")
+# numbers find their places before they get colours: one array instead of four
+IMAGE: Any = {"origin": "lower", "interpolation": "nearest", "interpolation_stage": "data"}
 PHASE_FIELD: Any = {"cmap": "magma", "clim": (0.0, 1.0)}
 PHASE_FIELD_LABEL = "phase field c (0 broken, 1 intact)"
 SIGNED_COLOURS = "RdBu_r"
 RASTER_DPI = 200
 RASTER_ABOVE = 5000  # more cells or points than this are drawn as pixels inside the SVG
-PICTURE_COMPRESSION = 4  # of a film's pictures
+PICTURE_COMPRESSION = 3  # of a film's pictures
 BROKEN_BELOW = 0.08  # phase field under which the thesis removes material points (Fig. 4.9)
 
 SETTINGS: Any = {
@@ -59,7 +65,6 @@ SETTINGS: Any = {
     "legend.fontsize": 8.0,
     "legend.frameon": False,
     "lines.linewidth": 1.5,
-    "figure.constrained_layout.use": True,
 }
 
 
@@ -100,8 +105,24 @@ def save(figure: Figure, folder: Path, name: str) -> str:
     """Write ``folder/name.svg`` without date or program version; return the file's name."""
     file = folder / f"{name}.svg"
     folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, bbox_inches="tight", dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
+    with remembered_layout():
+        box = _lay_out(figure)
+        figure.savefig(file, bbox_inches=box, dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
     return file.name
+
+
+def _lay_out(figure: Figure) -> Bbox:
+    """Put everything in its place for good; return the box [inches] that holds it, with a margin.
+
+    ``savefig`` with a layout or a tight box draws the whole figure once more before.
+    """
+    FigureCanvasSVG(figure)
+    figure.set_dpi(FigureCanvasSVG.fixed_dpi)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+    figure.set_layout_engine(None)
+    return figure.get_tightbbox().padded(matplotlib.rcParams["savefig.pad_inches"])
 
 
 class Pictures:
