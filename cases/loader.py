@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
@@ -33,10 +35,22 @@ _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\
 
 Tables = dict[str, Any]
 
+_read: ContextVar[dict[Any, Case] | None] = ContextVar("_read", default=None)
+
 
 def list_cases() -> list[str]:
     """Names of the cases in the library, sorted."""
     return sorted(path.parent.name for path in LIBRARY.glob(f"*/{CASE_FILE}"))
+
+
+@contextmanager
+def reading_once() -> Iterator[None]:
+    """Within it `load_case` reads each variant of a case once: for programs during which no case file changes."""
+    token = _read.set({} if _read.get() is None else _read.get())
+    try:
+        yield
+    finally:
+        _read.reset(token)
 
 
 def load_case(
@@ -55,6 +69,15 @@ def load_case(
     ------
     CaseError : the case does not exist, or something in it is wrong
     """
+    read, key = _read.get(), (name_or_path, tier, run)
+    if read is None or change:
+        return _load(name_or_path, tier, run, change)
+    if key not in read:
+        read[key] = _load(*key)
+    return read[key]
+
+
+def _load(name_or_path: str | Path, tier: str | None, run: str | None, change: Tables | None = None) -> Case:
     source = _find(name_or_path)
     return case_from_tables(read_tables(source), tier, run, name=_name(source), source=source, change=change)
 

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numba import njit
-
 
 from . import style
 from .arch import hinges_with_places
@@ -49,36 +47,18 @@ class _View:
         """Number of the point nearest to each pixel (rows, columns), -1 where there is none near."""
         from scipy.spatial import cKDTree
 
+        from numerics.nearest_points import nearest_to_pixels
+
         tree = cKDTree(places, compact_nodes=False, balanced_tree=False)
         to_neighbours, _ = tree.query(places[:: max(1, len(places) // 500)], k=[2])
         extent = self.upper - self.lower
         reach = max(REACH * float(np.median(to_neighbours)), float(extent.max()) / PIXELS)
-        return _nearest_to_pixels(places.astype(float), self.lower, extent / self.shape, tuple(self.shape), reach)
+        return nearest_to_pixels(places.astype(float), self.lower, extent / self.shape, tuple(self.shape), reach)
 
     @property
     def box(self) -> tuple[float, float, float, float]:
         """Extent as matplotlib wants it."""
         return self.lower[0], self.upper[0], self.lower[1], self.upper[1]
-
-
-@njit(cache=True)
-def _nearest_to_pixels(
-    places: np.ndarray, lower: np.ndarray, pixel: np.ndarray, shape: tuple[int, int], reach: float
-) -> np.ndarray:
-    """Each point (n, 2) offers itself to the pixels within reach: far fewer than a search from every pixel looks at."""
-    columns, rows = shape
-    nearest = np.full((rows, columns), -1)
-    least = np.full((rows, columns), reach**2)
-    for point in range(len(places)):
-        x, y = (places[point] - lower) / pixel - 0.5  # in pixels, from the centre of the first
-        across, up = reach / pixel
-        for row in range(max(0, int(np.ceil(y - up))), min(rows - 1, int(np.floor(y + up))) + 1):
-            for column in range(max(0, int(np.ceil(x - across))), min(columns - 1, int(np.floor(x + across))) + 1):
-                distance = ((column - x) * pixel[0]) ** 2 + ((row - y) * pixel[1]) ** 2
-                if distance < least[row, column]:
-                    least[row, column] = distance
-                    nearest[row, column] = point
-    return nearest
 
 
 def _frames_of(results: CaseResults) -> list[tuple[RunResults, list[Frame]]]:

@@ -14,7 +14,7 @@ from cases.loader import LIBRARY
 from cases.solvers import SOLVERS
 from verify.studies.records import Kind, Made, made_of
 
-from . import style
+from . import kept, style
 from .charts import costs_of
 from .maps import label_of, read_borders
 from .results import READING_ERRORS, CaseResults, method_of
@@ -92,6 +92,17 @@ def draw_fronts(table: pd.DataFrame, charts: Sequence[Made], folder: Path) -> st
         "to the left is better. Seconds of different processors and of cases of different tiers are not to be compared."
     )
     return style.drawing(figure, folder, "fronts", "What accuracy costs", said, table)
+
+
+def _fronts_drawn(table: pd.DataFrame, charts: Sequence[Made], folder: Path) -> style.Drawing | style.Film:
+    """The picture of all fronts, drawn only if they are others than in the last report."""
+    key = kept.key_of([table.to_csv(), costs_of(charts[0].case)])
+    if groups := kept.read(folder, key):
+        return groups[0][0]
+    with style.drawing_style():
+        drawn = draw_fronts(table, charts, folder)
+    kept.write(folder, key, [[drawn]])
+    return drawn
 
 
 def solvers_of(table: pd.DataFrame) -> list[str]:
@@ -172,8 +183,7 @@ def contents(summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
         charts = all_made(cases, "charts", out)
         if charts:
             table = fronts(charts)
-            with style.drawing_style():
-                shown["drawing"] = draw_fronts(table, charts, out / "figures" / "studies")
+            shown["drawing"] = _fronts_drawn(table, charts, out / "figures" / "studies")
             shown |= {"costs": cost_rows(table, charts), "solvers": solvers_of(table)}
         shown["borders"] = border_groups(all_made(cases, "maps", out))
     except READING_ERRORS as problem:

@@ -14,32 +14,36 @@ if TYPE_CHECKING:
 
 @contextmanager
 def remembered_layout() -> Iterator[None]:
-    """Keep the ticks of an axis while its place and limits stay, and the sizes of texts, that are asked for ten times."""
-    update_ticks, text_layout = Axis._update_ticks, Text._get_layout
-    ticks: dict[Axis, tuple[Any, list[Any]]] = {}
+    """Within it the ticks of an axis, while its place and limits stay, and the size of each text are found once.
+
+    Matplotlib asks for both some ten times a figure, half of the time that a figure takes.
+    """
+    axes: Any = Axis
+    texts: Any = Text
+    ticks_of, size_of = axes._update_ticks, texts._get_layout
+    ticks: dict[Any, tuple[Any, Any]] = {}
     sizes: dict[Any, Any] = {}
 
-    def remembered_ticks(axis: Axis) -> list[Any]:
+    def remembered_ticks(axis: Any) -> Any:
         place = (*axis.axes.bbox.bounds, *axis.get_view_interval(), axis.get_figure(root=True).dpi)
-        kept = ticks.get(axis)
-        if kept is None or kept[0] != place:
-            kept = ticks[axis] = place, update_ticks(axis)
-        return kept[1]
+        if axis not in ticks or ticks[axis][0] != place:
+            ticks[axis] = place, ticks_of(axis)
+        return ticks[axis][1]
 
-    def remembered_size(text: Text, renderer: Any) -> Any:
+    def remembered_size(text: Any, renderer: Any) -> Any:
+        if text.get_wrap() or text.get_transform_rotates_text():  # theirs depends on their place
+            return size_of(text, renderer)
         look = (
-            text.get_text(), hash(text.get_fontproperties()), text.get_rotation(), text.get_ha(), text.get_va(),
-            text.get_rotation_mode(), text._linespacing, text._multialignment, text.get_figure(root=True).dpi,
-            text.get_parse_math(), text.get_usetex(),
+            text.get_text(), hash(text.get_fontproperties()), text.get_rotation(), text.get_rotation_mode(),
+            text.get_ha(), text.get_va(), text._multialignment, text._linespacing, text.get_parse_math(),
+            text.get_usetex(), text.get_figure(root=True).dpi,
         )  # fmt: skip
-        if text.get_wrap() or text.get_transform_rotates_text():
-            return text_layout(text, renderer)
         if look not in sizes:
-            sizes[look] = text_layout(text, renderer)
+            sizes[look] = size_of(text, renderer)
         return sizes[look]
 
-    Axis._update_ticks, Text._get_layout = remembered_ticks, remembered_size
+    axes._update_ticks, texts._get_layout = remembered_ticks, remembered_size
     try:
         yield
     finally:
-        Axis._update_ticks, Text._get_layout = update_ticks, text_layout
+        axes._update_ticks, texts._get_layout = ticks_of, size_of

@@ -17,12 +17,13 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup, escape
 
 from cases import UserError
+from cases.loader import reading_once
 from verify.judging import coverage
 from verify.runs.atomic import NO_ROOM
 
 from . import (  # isort: skip
-    arch, charts, curves, fields, film, maps, motion, orientations, overview, rocking, rocking_diagram, scene, style,
-    surface, sweeps, tables, words,
+    arch, charts, curves, fields, film, kept, maps, motion, orientations, overview, rocking, rocking_diagram, scene,
+    style, surface, sweeps, tables, words,
 )  # fmt: skip
 from .pages import fill_page
 from .results import READING_ERRORS, CaseResults, method_of, read_summary
@@ -109,16 +110,37 @@ def write_report(out: Path, jobs: int = 1) -> Path:
     if jobs == 1:
         pages = list(map(page, summary["cases"]))
     else:
-        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-            pages = list(pool.map(page, summary["cases"]))
+        with ProcessPoolExecutor(jobs, mp_context=_processes()) as pool:
+            started = {id(entry): pool.submit(page, entry) for entry in _longest_first(summary["cases"], out)}
+            pages = [started[id(entry)].result() for entry in summary["cases"]]
     file = out / "index.html"
-    printed, studies = _write_printed(summary, out), _write_studies(summary, out, pages)
+    with reading_once():
+        printed, studies = _write_printed(summary, out), _write_studies(summary, out, pages)
     index = _environment().get_template("index.html").render(
         summary=summary, pages=pages, environment=_computed_with(pages), printed=printed, studies=studies,
         sentence=words.overview_sentence(summary["cases"]), root="",
     )  # fmt: skip
     file.write_text(index, encoding="utf-8")
     return file
+
+
+def _processes() -> multiprocessing.context.BaseContext:
+    """Where the platform can, copies of one process that has imported what draws."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["reports.report", "verify.runs.vtk_files"])
+    return context
+
+
+def _longest_first(entries: Sequence[Mapping[str, Any]], out: Path) -> list[Mapping[str, Any]]:
+    """Those with most states and frames before the others, so that no process is left alone with a long one."""
+
+    def files(entry: Mapping[str, Any]) -> int:
+        folders = [out / run["folder"] for run in (entry.get("runs") or {}).values() if run.get("folder")]
+        return sum(1 for folder in folders for _ in folder.rglob("*"))
+
+    return sorted(entries, key=files, reverse=True)
 
 
 def _write_printed(summary: Mapping[str, Any], out: Path) -> str:
@@ -175,17 +197,15 @@ def _subscripts(text: str) -> Markup:
 
 
 def _page_of(entry: Mapping[str, Any], summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
-    return _write_case_page(CaseResults(entry, out), summary, out)
+    with reading_once():
+        return _write_case_page(CaseResults(entry, out), summary, out)
 
 
 def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
     """Write the page of one case and return its row of the overview."""
     name = style.slug(f"{results.name}-{results.tier}" if results.tier else results.name)
     figures = out / "figures" / name
-    shutil.rmtree(figures, ignore_errors=True)  # figures of an earlier report must not survive
-    with style.drawing_style():
-        picture = _section("Scene", scene.scene, results, figures)
-        sections = [_section(title, draw, results, figures) for title, draw in _sections_of(results)]
+    picture, *sections = _drawn_sections(results, figures)
     main_curve = _main_curve(sections)
     page = _environment().get_template("case.html").render(
         results=results, entry=results.entry, summary=summary, case=results.case, root="../",
@@ -203,6 +223,21 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(page, encoding="utf-8")
     return _overview_row(results, f"pages/{name}.html")
+
+
+def _drawn_sections(results: CaseResults, figures: Path) -> list[Section]:
+    """The scene and the sections of a case's page, drawn only if anything has changed since they were drawn last."""
+    todo = [("Scene", scene.scene), *_sections_of(results)]
+    titles = [title for title, _ in todo]
+    key = kept.key_of_case(results, titles)
+    if (groups := kept.read(figures, key)) is not None:
+        return [Section(title, group) for title, group in zip(titles, groups, strict=True)]
+    shutil.rmtree(figures, ignore_errors=True)  # figures of an earlier report must not survive
+    with style.drawing_style():
+        sections = [_section(title, draw, results, figures) for title, draw in todo]
+    if not any(section.problem for section in sections):
+        kept.write(figures, key, [section.drawings for section in sections])
+    return sections
 
 
 def _sections_of(results: CaseResults) -> tuple[tuple[str, Callable[[CaseResults, Path], Any]], ...]:

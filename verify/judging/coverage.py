@@ -80,10 +80,11 @@ def _unit(quantity: str, case: Case) -> str:
 
 
 def _of_tier(case: Case, out: Path) -> Iterator[Printed]:
+    checks = [check for check in checks_of(case) if is_printed(case, check)]
+    if not checks:
+        return
     judge, baseline = Judge(case, find_runs(case, out)), {row.key: row for row in read_baseline(case)}
-    for check in checks_of(case):
-        if not is_printed(case, check):
-            continue
+    for check in checks:
         name = check.target[1]
         reference, printed = case.references[name], float(case.references[name].values[check.metric])
         ours, found = _ours(check, judge)
