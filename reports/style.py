@@ -139,7 +139,8 @@ class Pictures:
         if self._still is None:
             for artist in self._changing:
                 artist.set_animated(True)
-            self._canvas.draw()
+            with remembered_layout():
+                self._canvas.draw()
             self._still = self._canvas.copy_from_bbox(self._figure.bbox)
         self._canvas.restore_region(self._still)
         for artist in self._changing:
