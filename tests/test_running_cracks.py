@@ -189,12 +189,12 @@ def test_a_run_without_frames_has_none(tmp_path):
 
 def test_the_film_has_a_picture_for_each_frame(tmp_path):
     write_frames(tmp_path)
-    run = SimpleNamespace(name="mpm", label="PF-MPM", folder=SimpleNamespace(folder=tmp_path))
+    run = SimpleNamespace(name="mpm", label="PF-MPM", frames=list(read_frames(tmp_path)))
     results = SimpleNamespace(case=None, main_runs=lambda largest=2: [run], unit=lambda kind: kind)
     made = film(results, tmp_path / "figures")
     assert made.times == [0.0, 1.0, 2.0, 3.0] and len(made.files) == 4
     assert all((tmp_path / "figures" / file).stat().st_size > 2000 for file in made.files)
-    run.folder.folder = tmp_path / "nowhere"
+    run.frames = []
     assert film(results, tmp_path / "figures") is None
 
 
