@@ -44,13 +44,15 @@ class SmoothValues(NamedTuple):
 def phase_field_systems(basis, terms, nodal, local, out_of_balance):
     """Phase field equation of each element at a nodal phase field.
 
-    Upper halves of the matrices into ``local`` (n_el, k (k + 1) / 2) and the residual with its sign turned into
-    ``out_of_balance`` (n_el, k).
+    Upper halves of the matrices into ``local`` (n_el, k (k + 1) / 2), which may be of no elements where they are not
+    wanted, and the residual with its sign turned into ``out_of_balance`` (n_el, k).
     """
     nodes, shape, slope, volume = basis
     reaction, resistance, diffusion, _ = terms
+    wanted = local.shape[0] > 0
     for e in prange(slope.shape[0]):
-        local[e, :] = 0.0
+        if wanted:
+            local[e, :] = 0.0
         out_of_balance[e, :] = 0.0
         for q in range(slope.shape[1]):
             c = cx = cy = 0.0
@@ -64,7 +66,7 @@ def phase_field_systems(basis, terms, nodal, local, out_of_balance):
             for a in range(slope.shape[2]):
                 nx, ny = w_slope * slope[e, q, a, 0], w_slope * slope[e, q, a, 1]
                 out_of_balance[e, a] += shape[q, a] * source - nx * cx - ny * cy
-                for b in range(a, slope.shape[2]):
+                for b in range(a, slope.shape[2] if wanted else a):
                     slopes = nx * slope[e, q, b, 0] + ny * slope[e, q, b, 1]
                     local[e, entry] += w_mass * shape[q, a] * shape[q, b] + slopes
                     entry += 1

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import scipy.sparse as sparse
@@ -85,8 +86,9 @@ class Pardiso(_Keeping):
 
     POSITIVE_DEFINITE, INDEFINITE = 2, -2
     #: MKL's defaults by number, given by hand (1) since those it sets itself refine every solution twice: nested
-    #: dissection (2), size of perturbed pivots (10), Bunch-Kaufman pivots (21); only perturbed pivots are refined
-    SETTINGS: ClassVar = {1: 1, 2: 2, 10: 8, 21: 1}
+    #: dissection (2), size of perturbed pivots (10), Bunch-Kaufman pivots (21); only perturbed pivots are refined.
+    #: Rows and columns are counted from zero (35)
+    SETTINGS: ClassVar = {1: 1, 2: 2, 10: 8, 21: 1, 35: 1}
 
     def __init__(self, pattern: Pattern, costs: Costs) -> None:
         self._pattern, self._costs = pattern, costs
@@ -137,11 +139,28 @@ class Pardiso(_Keeping):
         self._costs.count["factorisations"] += 1
 
     def _call(self, phase: int, matrix, right_side: NDArray | None = None) -> NDArray:
-        self._solver.set_phase(phase)
-        if right_side is None:
-            right_side = np.zeros(matrix.shape[0])
-        # one column in Fortran order, as the library wants it
-        return self._solver._call_pardiso(matrix, right_side.reshape(-1, 1)).reshape(-1)
+        solver = self._solver
+        right_side = np.zeros(0) if right_side is None else np.ascontiguousarray(right_side)
+        rows, columns = (part.astype(np.int32, copy=False) for part in (matrix.indptr, matrix.indices))
+        solution, failed = np.zeros(right_side.size), ctypes.c_int32(0)
+        # the wrapper's own call makes copies of the matrix's rows and columns, for each solution anew
+        solver._mkl_pardiso(
+            _integers(solver.pt, solver._pt_type[0]), _number(1), _number(1), _number(solver.mtype), _number(phase),
+            _number(matrix.shape[0]), matrix.data.ctypes.data, _integers(rows), _integers(columns),
+            _integers(solver.perm), _number(1), _integers(solver.iparm), _number(0), right_side.ctypes.data,
+            solution.ctypes.data, ctypes.byref(failed),
+        )  # fmt: skip
+        if failed.value:
+            raise PyPardisoError(failed.value)
+        return solution
+
+
+def _number(value: int) -> Any:
+    return ctypes.byref(ctypes.c_int32(value))
+
+
+def _integers(array: NDArray, kind: Any = ctypes.c_int32) -> Any:
+    return ctypes.cast(array.ctypes.data, ctypes.POINTER(kind))
 
 
 @contextmanager

@@ -47,6 +47,9 @@ class Fracture(Protocol):
     def assemble(self, history_field: NDArray, nodal: NDArray) -> None:
         """Fill the equation's systems for a history field (n_points,) at unknowns (n_nodes,)."""
 
+    def assemble_residual(self, history_field: NDArray, nodal: NDArray) -> None:
+        """The same without the matrices, where these take work of their own."""
+
 
 class CoupledDiscretisation(QuasiStaticDiscretisation, Protocol):
     """What a solver offers beyond the staggered scheme."""
@@ -130,7 +133,7 @@ class CoupledEquations:
         forces, scale = discretisation.residual(unknowns[: self._equilibrium.size])
         self.history_field = updated_history(self._case, self._committed, discretisation.tensile_energy())
         with discretisation.costs.timed("phase_field"):
-            self._fracture.assemble(self.history_field, nodal)
+            self._fracture.assemble_residual(self.history_field, nodal)
             residual = np.concatenate([forces, self._equation.residual()])
         if not np.isfinite(residual).all():
             raise NewtonError("the quasi-Newton iteration met a value that is not finite")
@@ -143,7 +146,10 @@ class CoupledEquations:
 
     def factorise(self) -> None:
         """Make the factors those of the trial state."""
-        self._equilibrium.solver.factorise(self.discretisation.tangent())
+        discretisation = self.discretisation
+        self._equilibrium.solver.factorise(discretisation.tangent())
+        with discretisation.costs.timed("phase_field"):
+            self._fracture.assemble(self.history_field, discretisation.nodal_phase_field)
         self._equation.solver.factorise(self._equation.matrix())
 
     def solve(self, residual: NDArray) -> NDArray:

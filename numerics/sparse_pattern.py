@@ -29,6 +29,11 @@ class LocalSystems(NamedTuple):
         """Room for the systems of ``n_cells`` cells."""
         return cls(np.empty((n_cells, k * (k + 1) // 2)), np.empty((n_cells, k)))
 
+    @property
+    def without_matrices(self) -> LocalSystems:
+        """The same vectors, with matrices of no cells."""
+        return self._replace(matrices=self.matrices[:0])
+
 
 class SymmetricPattern:
     """Upper half of a symmetric sparse matrix, in CSR with sorted rows and every diagonal entry stored.
@@ -131,6 +136,13 @@ def _gather(starts, sources, local, values):
 
 def gather_vector(equations: NDArray, local: NDArray, size: int) -> NDArray:
     """Sum local vectors (n_cells, k) into a global one (size,); negative equation numbers are dropped."""
-    flat = equations.reshape(-1)
-    # a last slot collects what is eliminated
-    return np.bincount(np.where(flat < 0, size, flat), weights=local.reshape(-1), minlength=size + 1)[:size]
+    total = np.zeros(size)
+    _add_up(equations.reshape(-1), local.reshape(-1), total)
+    return total
+
+
+@njit(cache=True)
+def _add_up(equations, local, total):
+    for k in range(equations.size):
+        if equations[k] >= 0:
+            total[equations[k]] += local[k]

@@ -18,6 +18,7 @@ from fem_reference.phase_field_kernels import (
 from fem_reference.smooth_basis import SmoothBasis
 from numerics.costs import Costs
 from numerics.phase_field_equation import PhaseFieldEquation, PhaseFieldTerms, ScalarAtPoints
+from numerics.sparse_pattern import LocalSystems
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients
 
@@ -58,8 +59,16 @@ class MeshPhaseField:
 
     def assemble(self, history_field: NDArray, nodal: NDArray) -> None:
         """Fill the equation's systems for a history field (n_points,) at unknowns (n_unknowns,), Eq. 4.16."""
+        self._fill(history_field, nodal, self.equation.systems)
+
+    def assemble_residual(self, history_field: NDArray, nodal: NDArray) -> None:
+        """The same without the matrices; at order 4, whose are made on the way, with them."""
+        systems = self.equation.systems
+        self._fill(history_field, nodal, systems if self._smooth else systems.without_matrices)
+
+    def _fill(self, history_field: NDArray, nodal: NDArray, systems: LocalSystems) -> None:
         history_field = history_field.reshape(-1, self._values.volume.shape[1])
-        coefficients, systems = self._coefficients, self.equation.systems
+        coefficients = self._coefficients
         columns = coefficients.resistance, coefficients.diffusion, coefficients.bending
         reaction = coefficients.reaction(history_field[self._elements])
         terms = PhaseFieldTerms(reaction, *(column[:, 0] for column in columns))

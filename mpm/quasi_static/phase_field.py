@@ -14,7 +14,7 @@ from mpm.quasi_static.point_basis import BasisValues
 from numerics.costs import Costs
 from numerics.linear_solvers import lift_empty_diagonal
 from numerics.phase_field_equation import PhaseFieldEquation, PhaseFieldTerms, ScalarAtPoints
-from numerics.sparse_pattern import SymmetricPattern
+from numerics.sparse_pattern import LocalSystems, SymmetricPattern
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients
 
@@ -66,7 +66,15 @@ class GridPhaseField:
 
     def assemble(self, history_field: NDArray, nodal: NDArray) -> None:
         """Fill the equation's systems for a history field (n_points,) at values (n_nodes,), Eq. 4.16."""
-        coefficients, systems = self._coefficients, self.equation.systems
+        self._fill(history_field, nodal, self.equation.systems)
+
+    def assemble_residual(self, history_field: NDArray, nodal: NDArray) -> None:
+        """The same without the matrices; at order 4, whose are made on the way, with them."""
+        systems = self.equation.systems
+        self._fill(history_field, nodal, systems if self._fourth_order else systems.without_matrices)
+
+    def _fill(self, history_field: NDArray, nodal: NDArray, systems: LocalSystems) -> None:
+        coefficients = self._coefficients
         terms = PhaseFieldTerms(
             coefficients.reaction(history_field), coefficients.resistance, coefficients.diffusion, coefficients.bending
         )

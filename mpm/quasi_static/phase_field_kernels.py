@@ -12,13 +12,17 @@ from numba import njit, prange
 
 @njit(cache=True, parallel=True)
 def phase_field_systems(cells, basis, terms, nodal, local, rest):
-    """Matrices (n_cells, k (k + 1) / 2) of Eq. 4.17 and out-of-balance vectors (n_cells, k) of Eq. 4.13."""
+    """Matrices (n_cells, k (k + 1) / 2) of Eq. 4.17 and out-of-balance vectors (n_cells, k) of Eq. 4.13.
+
+    ``local`` may be of no cells where the matrices are not wanted.
+    """
     nodes, starts, members = cells.nodes, cells.starts, cells.members
     value, slope, volume = basis.value, basis.slope, basis.volume
     reaction, resistance, diffusion, _ = terms
-    k = value.shape[1]
-    for e in prange(local.shape[0]):
-        local[e, :] = 0.0
+    k, wanted = value.shape[1], local.shape[0] > 0
+    for e in prange(rest.shape[0]):
+        if wanted:
+            local[e, :] = 0.0
         rest[e, :] = 0.0
         for m in range(starts[e], starts[e + 1]):
             p = members[m]
@@ -34,7 +38,7 @@ def phase_field_systems(cells, basis, terms, nodal, local, rest):
             for a in range(k):
                 gx, gy, n = stiffness * slope[p, a, 0], stiffness * slope[p, a, 1], mass * value[p, a]
                 rest[e, a] += value[p, a] * source - gx * cx - gy * cy
-                for b in range(a, k):
+                for b in range(a, k if wanted else a):
                     local[e, entry] += n * value[p, b] + gx * slope[p, b, 0] + gy * slope[p, b, 1]
                     entry += 1
 
