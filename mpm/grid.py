@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
+from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
@@ -222,9 +223,9 @@ class Grid:
             axis.evaluate(np.ascontiguousarray(positions[:, d]), cells[d]) for d, axis in enumerate(self.axes)
         )
         count = (self.order + 1) ** 2
-        values = (x[:, :, None] * y[:, None, :]).reshape(len(positions), count)
-        gradients = np.stack([dx[:, :, None] * y[:, None, :], x[:, :, None] * dy[:, None, :]], axis=-1)
-        return values, gradients.reshape(len(positions), count, 2)
+        values, gradients = np.empty((len(positions), count)), np.empty((len(positions), count, 2))
+        _multiply(x, dx, y, dy, values, gradients)
+        return values, gradients
 
     def second_derivatives(self, positions: NDArray, cells: GridCells) -> NDArray:
         """Second derivatives xx, yy, xy (n, k, 3) at points of the functions on their cells."""
@@ -238,6 +239,18 @@ class Grid:
         """The nodes (n,) and their neighbours in the grid."""
         chosen = binary_dilation(np.isin(self.node_number, nodes), np.ones((3, 3), bool))
         return np.unique(self.node_number[chosen])
+
+
+@njit(cache=True)
+def _multiply(x, dx, y, dy, values, gradients):
+    """Products (n, k) of functions in x and in y (n, order + 1), and their gradients (n, k, 2)."""
+    m = x.shape[1]
+    for p in range(x.shape[0]):
+        for i in range(m):
+            for j in range(m):
+                values[p, m * i + j] = x[p, i] * y[p, j]
+                gradients[p, m * i + j, 0] = dx[p, i] * y[p, j]
+                gradients[p, m * i + j, 1] = x[p, i] * dy[p, j]
 
 
 def _of_cells(number: NDArray, axes: list[Axis], x: NDArray, y: NDArray) -> NDArray:

@@ -64,13 +64,16 @@ class EigenstrainAtPoints:
         """``body`` (...) is the number of each point's body."""
         self.gradient = Acts(*(gradient[body] for gradient in eigenstrains(case)))
         self.stress = Acts(*(eigenstress(materials, gradient, body) for gradient in self.gradient))
+        self._is_none = self.gradient.is_none
 
     def elastic(self, gradient: NDArray, load: float) -> NDArray:
         """What the elastic law acts on: the gradient (..., 4) at a load less the eigenstrain."""
-        return gradient if self.gradient.is_none else gradient - self.gradient.at(load)
+        return gradient if self._is_none else gradient - self.gradient.at(load)
 
     def heat(self, stress: NDArray, volume: NDArray) -> float:
         """Work of the stress (..., 3) in volumes (...) on the eigenstrain at load factor one [energy]."""
+        if self._is_none:
+            return 0.0
         return float((work_density(stress, self.gradient.following) * volume).sum())
 
 

@@ -78,15 +78,20 @@ class PhaseFieldCoefficients:
         share = np.where(self.is_linear, 3.0 / 16.0, 0.5)
         self.resistance = share * self.toughness / self.length_scale
         self.diffusion = np.where(self.is_linear, 1.5, 2.0) * self.toughness * self.length_scale
+        #: what is there of the reaction without history field [stress]
+        self._at_rest = np.where(self.is_linear, 0.0, self.resistance)
+        self._any_linear = bool(np.any(self.is_linear))
         self.bending = np.where(materials.fourth_order[body], 2.0 * self.toughness * self.length_scale**3, 0.0)
 
     def reaction(self, history_field: NDArray) -> NDArray:
         """Factor of c in the equation [stress], from the history field (n,) [stress]."""
-        return self.drive * history_field + np.where(self.is_linear, 0.0, self.resistance)
+        return self.drive * history_field + self._at_rest
 
     def energy_density(self, value: NDArray, slope_squared: NDArray, curvature_squared: NDArray) -> NDArray:
         """Gc times the crack density [stress], the arguments those of `crack_density`."""
         quadratic = crack_density(value, slope_squared, self.length_scale, curvature_squared)
+        if not self._any_linear:
+            return self.toughness * quadratic
         linear = linear_crack_density(value, slope_squared, self.length_scale)
         return self.toughness * np.where(self.is_linear, linear, quadratic)
 
