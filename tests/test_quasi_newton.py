@@ -49,6 +49,21 @@ def test_it_follows_the_curve_of_the_staggered_scheme_with_few_factorisations(va
     assert counted["factorisations"] < 5 * counted["increments"] < before.costs.count["factorisations"] / 2
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_phase_fields_residual_needs_no_matrices(variant, solver):
+    discretisation = SOLVERS[solver](plate(variant, solver, "bfgs"))
+    discretisation.begin_step()
+    fracture, systems = discretisation.fracture, discretisation.fracture.equation.systems
+    history_field = np.linspace(0.0, 1.0, len(discretisation.history_field))
+    nodal = np.linspace(0.5, 1.0, len(discretisation.nodal_phase_field))
+    fracture.assemble(history_field, nodal)
+    whole = systems.vectors.copy()
+    systems.matrices[:], systems.vectors[:] = np.nan, np.nan
+    fracture.assemble_residual(history_field, nodal)
+    assert np.array_equal(systems.vectors, whole)
+    assert np.isnan(systems.matrices).all()
+
+
 def test_an_increment_that_does_not_converge_is_left_to_the_staggered_scheme_and_counted(variant, tmp_path, monkeypatch):
     monkeypatch.setattr("numerics.quasi_newton.LARGEST_ITERATIONS", 12)
     whole, left = (run(plate(variant, "fem", scheme), "fem", "standard", tmp_path / scheme, threads=1)
