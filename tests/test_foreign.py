@@ -197,7 +197,8 @@ def test_without_kept_results_the_published_ones_are_left(square: Case, tmp_path
     path = fake_solver.write_case(tmp_path / "other", reference, fake_solver.check("reference:paper", 0.1))
     judged = judged_without_page(load_case(path, "quick"), U, F, tmp_path)
     assert judged.verdict == "PASS"
-    assert "No result of run fem is kept for tier quick." in judged.remarks
+    remedy = "verify run and then verify accept, both with --tier quick, keep one"
+    assert f"No result of run fem is kept for tier quick; {remedy}." in judged.remarks
 
 
 # ------------------------------------------------------------------------------------------------ judging

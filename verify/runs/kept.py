@@ -175,9 +175,9 @@ def restore(case: Case, out: Path, first_branch: bool = False) -> tuple[list[str
     for name in main_runs(case):
         kept, of_run = read_kept(case, name), load_case(case.source, case.tier, name)
         if kept is None:
-            remarks.append(f"No result of run {name} is kept for tier {case.tier}.")
+            remarks.append(f"No result of run {name} is kept for tier {case.tier}; {_remedy(case)}.")
         elif not kept.fits(of_run):
-            remarks.append(f"The kept result of run {name} is of another version of the case.")
+            remarks.append(f"The kept result of run {name} is of another version of the case; {_remedy(case)}.")
         else:
             history = kept.history
             if first_branch and (turn := first_branch_end(Curve.from_history(history, name))) < len(history) - 1:
@@ -186,6 +186,10 @@ def restore(case: Case, out: Path, first_branch: bool = False) -> tuple[list[str
             write_run(run_path(out, case.name, case.tier, name), history, kept.crack_path, _info(kept, of_run))
             runs.append(name)
     return runs, remarks
+
+
+def _remedy(case: Case) -> str:
+    return f"verify run and then verify accept, both with --tier {case.tier}, keep one"
 
 
 def _info(kept: Kept, case: Case) -> dict[str, Any]:
