@@ -229,10 +229,11 @@ def near(starts, first, low, high):
 
 def _reaches(k):
     @njit(cache=True)
-    def reaches(starts, motion, matter, width, surface):
+    def reaches(starts, motion, matter, width, has_edges, surface):
         """Largest place along the nodes' normals to which the points near them reach, from the nodes, in cells.
 
-        It is infinite, and not sought, where a node has no normal.
+        It is infinite, and not sought, where a node has no normal. A body that ``has_edges`` tells its farthest point
+        within a cell as well, and how far beside the node it ends.
         """
         x, y, size_x, size_y = motion.x, motion.y, matter.size_x, matter.size_y
         normal_x, normal_y, reach = surface.normal_x, surface.normal_y, surface.reach
@@ -247,12 +248,17 @@ def _reaches(k):
                         nx, ny = normal_x[node], normal_y[node]
                         # a node stands (order - 1) / 2 cells before the cell's corner of the same number
                         off_x, off_y = x[p] - (i + a) + 0.5 * (k - 2), y[p] - (j + b) + 0.5 * (k - 2)
-                        aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2)
-                        if abs(off_y * nx - off_x * ny) > LATERAL * aside:
+                        size, aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2), off_y * nx - off_x * ny
+                        is_near = abs(aside) <= LATERAL * size
+                        if not is_near and not has_edges:
                             continue
                         along = off_x * nx + off_y * ny
                         along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
-                        reach[node] = max(reach[node], along)
+                        if is_near:
+                            reach[node] = max(reach[node], along)
+                        if has_edges and abs(aside) <= 1.0 and along > surface.farthest[node]:
+                            surface.farthest[node] = along
+                            surface.aside[node] = np.sign(aside) * max(0.0, abs(aside) - 0.5 * size)
 
     return reaches
 
