@@ -25,6 +25,8 @@ DRIFT = 1
 #: points tell how far a body reaches at a node when the normal there passes within this part of their size: more would
 #: make flats of round bodies' lowest points, half is the least that leaves no hole between points
 LATERAL = 0.75
+#: in cells and their squares, more than the round-off of places
+SLACK = 1e-9
 #: columns of cells in a strip: two strips of one colour must stay apart for cubic splines and drifting points
 STRIP = 6
 #: points whose displacement gradients are found before their strains turn, four at once
@@ -248,11 +250,18 @@ def _reaches(k):
                         nx, ny = normal_x[node], normal_y[node]
                         # a node stands (order - 1) / 2 cells before the cell's corner of the same number
                         off_x, off_y = x[p] - (i + a) + 0.5 * (k - 2), y[p] - (j + b) + 0.5 * (k - 2)
-                        size, aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2), off_y * nx - off_x * ny
+                        along, aside = off_x * nx + off_y * ny, off_y * nx - off_x * ny
+                        # most points can be told without a root
+                        most = along + 0.5 * (abs(size_x[p] * nx) + abs(size_y[p] * ny)) + SLACK
+                        if most <= reach[node] and (not has_edges or most <= surface.farthest[node]):
+                            continue
+                        square = (size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2
+                        if not has_edges and aside * aside > LATERAL * LATERAL * square + SLACK:
+                            continue
+                        size = np.sqrt(square)
                         is_near = abs(aside) <= LATERAL * size
                         if not is_near and not has_edges:
                             continue
-                        along = off_x * nx + off_y * ny
                         along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
                         if is_near:
                             reach[node] = max(reach[node], along)
