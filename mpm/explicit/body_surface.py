@@ -73,8 +73,8 @@ def find_normals(first, second, first_holds, second_holds, touching, count):
 def reach_of(surface, node):
     """How far a body reaches along the normal at a node, and how far to the left of the normal, in cells.
 
-    Where it rises faster than it goes aside from its farthest point within a cell to the node, the node lies off its edge:
-    the edge meets what the node carries.
+    Where it rises faster than it goes aside from its farthest point within a cell to the node, the node lies off its
+    edge: the edge meets what the node carries.
     """
     if surface.farthest[node] - surface.reach[node] > abs(surface.aside[node]):
         return surface.farthest[node], surface.aside[node]

@@ -139,7 +139,9 @@ def carried_by(bodies, body, moved):
         return
     now, before, inverses = bodies.rigid[body, VELOCITY], bodies.rigid[body, BEFORE], bodies.rigid[body, INVERSES]
     mass, inertia = 1.0 / inverses[0], 1.0 / inverses[1]
-    moved[0], moved[1], moved[2], moved[3], moved[4] = mass, mass * before[0], mass * before[1], mass * now[0], mass * now[1]
+    moved[0] = mass
+    for n in range(2):
+        moved[1 + n], moved[3 + n] = mass * before[n], mass * now[n]
     moved[5] = mass * (now[0] * before[0]) + mass * (now[1] * before[1]) + inertia * (now[2] * before[2])
 
 
@@ -162,9 +164,9 @@ def count_work(bodies, accelerates, step, acceleration, damping, impulses, veloc
         return
     for body in range(len(bodies.whole)):
         if bodies.whole[body, KIND] != KEPT:
-            mass, before_x, before_y, x, y = moved[body, 0], moved[body, 1], moved[body, 2], moved[body, 3], moved[body, 4]
-            bodies.numbers[body, LAG] = 0.5 * (x - before_x) / mass
-            bodies.numbers[body, LAG + 1] = 0.5 * (y - before_y) / mass
+            (before_x, before_y), (x, y) = (moved[body, 1], moved[body, 2]), (moved[body, 3], moved[body, 4])
+            bodies.numbers[body, LAG] = 0.5 * (x - before_x) / moved[body, 0]
+            bodies.numbers[body, LAG + 1] = 0.5 * (y - before_y) / moved[body, 0]
             pulled = acceleration[0] * (before_x + x) + acceleration[1] * (before_y + y)
             work[0] += 0.5 * step * pulled
 

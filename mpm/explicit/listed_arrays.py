@@ -34,8 +34,8 @@ class Sorting(NamedTuple):
 class Touching(NamedTuple):
     """Nodes that a pair of bodies shares in a step, with room for more (m).
 
-    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) along it, ``offset``
-    (2, m) from the node to where a free rigid body meets the other, 0 where no gap is measured [length];
+    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) along it,
+    ``offset`` (2, m) from the node to where a free rigid body meets the other, 0 where no gap is measured [length];
     ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
     and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
     """

@@ -47,8 +47,8 @@ class NodeTractions(NamedTuple):
 
 
 class NodeSurface(NamedTuple):
-    """Where bodies meet: mass gradient, normal, how far the body reaches along it, how far it reaches within a cell beside
-    it and how far to the left of the normal that is.
+    """Where bodies meet: mass gradient, normal, how far the body reaches along it; how far a free rigid body reaches
+    within a cell beside it, and how far to the left of the normal that is.
 
     ``low, high`` (n_columns,) are the rows of the cells in each column whose points are near.
     """

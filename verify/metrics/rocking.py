@@ -195,8 +195,8 @@ def base_offset(run: RunData) -> float:
 
 @metric("length", "how far beside the block's corner the force passes that holds it while it rocks freely")
 def force_offset(run: RunData) -> float:
-    """Size of that distance between the first two impacts behind the ground's motion, where the angle is beyond half of its
-    peak: the moment of the impulses about the corner, of which the changes of momentum and spin tell, over the vertical one.
+    """Size of that distance between the first two impacts behind the ground's motion, where the angle is beyond half of
+    its peak: the moment of the impulses about the corner over the upright one, from the changes of momentum and spin.
 
     A block that trembles on its corner, or whose corner sinks, has its place by this and not by its energy.
     """
