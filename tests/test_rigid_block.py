@@ -125,9 +125,19 @@ def test_the_corner_of_the_pendulum_is_that_of_its_base(tmp_path):
     case = case_of(tmp_path, **pulse(1.2), **no_borders(stop_when_settled=False), output={"records": 4000})
     told = Told(case, history_of(PendulumMotion(case), case))
     assert METRICS["base_offset"](told) < 1e-3
+    assert METRICS["force_offset"](told) < 1e-3
     # slower than energy has it: as on a narrower base
     told.history["block_spin"] *= 0.9
     assert METRICS["base_offset"](told) > 0.02
+
+
+def test_a_force_beside_the_corner_is_found_where_it_passes(tmp_path):
+    case = case_of(tmp_path, **pulse(1.2), **no_borders(stop_when_settled=False), output={"records": 4000})
+    told = Told(case, history_of(PendulumMotion(case), case))
+    # upright forces of the block's weight 20 mm beside the corner turn it faster by as much
+    time, block = told.history["time"], block_of(case)
+    told.history["block_spin"] += 0.02 * block.mass * block.gravity / block.inertia * time
+    assert METRICS["force_offset"](told) == pytest.approx(0.02, rel=0.05)
 
 
 def test_trembling_is_no_impact():

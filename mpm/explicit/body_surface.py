@@ -24,7 +24,8 @@ def find_mass_slopes(body: MovingBody, nodes: Sequence[NDArray]) -> None:
 def find_reach(body: MovingBody) -> None:
     """How far the body reaches from nodes along the normals of its surface, in cells."""
     window, points = body.window, body.points
-    body.transfers.reaches(window.starts, points.motion, points.matter, window.width, window.surface)
+    has_edges = not body.deforms and not body.keeps_velocity
+    body.transfers.reaches(window.starts, points.motion, points.matter, window.width, has_edges, window.surface)
 
 
 @njit(inline="always")
@@ -58,16 +59,36 @@ def find_normals(first, second, first_holds, second_holds, touching, count):
         x, y = x / length, y / length
         touching.nodes[0, kept], touching.nodes[1, kept] = a, b
         touching.normal[0, kept], touching.normal[1, kept] = x, y
-        touching.gap[kept], touching.opposed[kept] = 0.0, ax * bx + ay * by <= 0.0
-        first.normal_x[a], first.normal_y[a], first.reach[a] = x, y, -np.inf
-        second.normal_x[b], second.normal_y[b], second.reach[b] = -x, -y, -np.inf
+        touching.gap[kept] = touching.offset[0, kept] = touching.offset[1, kept] = 0.0
+        touching.opposed[kept] = ax * bx + ay * by <= 0.0
+        first.normal_x[a], first.normal_y[a] = x, y
+        second.normal_x[b], second.normal_y[b] = -x, -y
+        for surface, node in ((first, a), (second, b)):
+            surface.reach[node] = surface.farthest[node] = -np.inf
         kept += 1
     return kept
 
 
+@njit(inline="always")
+def reach_of(surface, node):
+    """How far a body reaches along the normal at a node, and how far to the left of the normal, in cells.
+
+    Where it rises faster than it goes aside from its farthest point within a cell to the node, the node lies off its
+    edge: the edge meets what the node carries.
+    """
+    if surface.farthest[node] - surface.reach[node] > abs(surface.aside[node]):
+        return surface.farthest[node], surface.aside[node]
+    return surface.reach[node], 0.0
+
+
 @njit(cache=True)
 def find_gaps(first, second, h, touching, count):
-    """Gaps between both bodies at their nodes [length], from how far they reach."""
+    """Gaps between both bodies at their nodes, and where these are [length], from how far the bodies reach."""
     for n in range(count):
-        a, b = touching.nodes[0, n], touching.nodes[1, n]
-        touching.gap[n] = -h * (first.reach[a] + second.reach[b])
+        reach, aside = reach_of(first, touching.nodes[0, n])
+        other, other_aside = reach_of(second, touching.nodes[1, n])
+        touching.gap[n] = -h * (reach + other)
+        if touching.gap[n] < np.inf:
+            nx, ny = touching.normal[0, n], touching.normal[1, n]
+            along, aside = 0.5 * h * (reach - other), h * (aside - other_aside)
+            touching.offset[0, n], touching.offset[1, n] = along * nx - aside * ny, along * ny + aside * nx

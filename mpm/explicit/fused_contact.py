@@ -30,7 +30,7 @@ from mpm.explicit.listed_arrays import (
     ListedArrays,
     group,
 )  # fmt: skip
-from mpm.explicit.rigid_contact import KEPT, RigidSide, count_impulses, press
+from mpm.explicit.rigid_contact import FREE, KEPT, RigidSide, count_impulses, press
 from mpm.explicit.transfers import transfers
 
 #: columns of ``ListedBodies.whole``: what carries the nodes, as of ``rigid_contact``; nodes of the window in y, and its
@@ -151,7 +151,7 @@ def _detect(k, bodies, pairs, h, by_distance):
                     body = pairs.whole[n, BODIES + side]
                     reaches(
                         group(SORTING, arrays, body).starts, group(MOTION, arrays, body), group(MATTER, arrays, body),
-                        bodies.whole[body, WIDTH], group(SURFACE, arrays, body),
+                        bodies.whole[body, WIDTH], bodies.whole[body, KIND] == FREE, group(SURFACE, arrays, body),
                     )  # fmt: skip
                 find_gaps(first, second, h, touching, count)
 

@@ -131,14 +131,18 @@ def hold_lines(order, bodies, lines, driven, now, impulses):
 
 
 @njit
-def carried_by(bodies, body):
-    """What a body carries over the step: ``Carried`` as six numbers."""
+def carried_by(bodies, body, moved):
+    """What a body carries over the step: ``Carried`` as six numbers, written to ``moved`` (6,)."""
     if bodies.whole[body, KIND] != FREE:
-        return carried(group(SUMS, bodies.arrays, body).m, group(VELOCITIES, bodies.arrays, body))
+        m, velocities = group(SUMS, bodies.arrays, body).m, group(VELOCITIES, bodies.arrays, body)
+        moved[0], moved[1], moved[2], moved[3], moved[4], moved[5] = carried(m, velocities)
+        return
     now, before, inverses = bodies.rigid[body, VELOCITY], bodies.rigid[body, BEFORE], bodies.rigid[body, INVERSES]
     mass, inertia = 1.0 / inverses[0], 1.0 / inverses[1]
-    damped = mass * (now[0] * before[0]) + mass * (now[1] * before[1]) + inertia * (now[2] * before[2])
-    return mass, mass * before[0], mass * before[1], mass * now[0], mass * now[1], damped
+    moved[0] = mass
+    for n in range(2):
+        moved[1 + n], moved[3 + n] = mass * before[n], mass * now[n]
+    moved[5] = mass * (now[0] * before[0]) + mass * (now[1] * before[1]) + inertia * (now[2] * before[2])
 
 
 @njit
@@ -147,10 +151,12 @@ def count_work(bodies, accelerates, step, acceleration, damping, impulses, veloc
     damped, given = 0.0, 0.0
     for n in range(len(impulses)):
         given += impulses[n] * velocities[n]
+    moved = np.empty((len(bodies.whole), 6))
     if accelerates or damping != 0.0:
         for body in range(len(bodies.whole)):
             if bodies.whole[body, KIND] != KEPT:
-                damped += carried_by(bodies, body)[5]
+                carried_by(bodies, body, moved[body])
+                damped += moved[body, 5]
     given += step * (0.0 - damping * damped)
     work[0] += given
     work[1] = given / step
@@ -158,9 +164,9 @@ def count_work(bodies, accelerates, step, acceleration, damping, impulses, veloc
         return
     for body in range(len(bodies.whole)):
         if bodies.whole[body, KIND] != KEPT:
-            mass, before_x, before_y, x, y, _ = carried_by(bodies, body)
-            bodies.numbers[body, LAG] = 0.5 * (x - before_x) / mass
-            bodies.numbers[body, LAG + 1] = 0.5 * (y - before_y) / mass
+            (before_x, before_y), (x, y) = (moved[body, 1], moved[body, 2]), (moved[body, 3], moved[body, 4])
+            bodies.numbers[body, LAG] = 0.5 * (x - before_x) / moved[body, 0]
+            bodies.numbers[body, LAG + 1] = 0.5 * (y - before_y) / moved[body, 0]
             pulled = acceleration[0] * (before_x + x) + acceleration[1] * (before_y + y)
             work[0] += 0.5 * step * pulled
 

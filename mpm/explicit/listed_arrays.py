@@ -34,7 +34,8 @@ class Sorting(NamedTuple):
 class Touching(NamedTuple):
     """Nodes that a pair of bodies shares in a step, with room for more (m).
 
-    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) [length];
+    ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) along it,
+    ``offset`` (2, m) from the node to where a free rigid body meets the other, 0 where no gap is measured [length];
     ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
     and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
     """
@@ -42,6 +43,7 @@ class Touching(NamedTuple):
     nodes: NDArray
     normal: NDArray
     gap: NDArray
+    offset: NDArray
     opposed: NDArray
     pushes: NDArray
     drags: NDArray
@@ -50,7 +52,9 @@ class Touching(NamedTuple):
     def room(cls, m: int) -> Touching:
         """For so many nodes."""
         gap, pushes, drags = np.zeros((3, m))
-        return cls(np.zeros((2, m), np.int64), np.zeros((2, m)), gap, np.zeros(m, bool), pushes, drags)
+        return cls(
+            np.zeros((2, m), np.int64), np.zeros((2, m)), gap, np.zeros((2, m)), np.zeros(m, bool), pushes, drags
+        )  # fmt: skip
 
 
 #: groups of a body's arrays in the order in which they are listed; that of a pair is listed alone
@@ -64,7 +68,8 @@ _GROUPS[TOUCHING] = (Touching, 0)
 #: of arrays that are not (n,) of floats: type, and shape
 _FORMS: dict[str, tuple[Any, tuple[int, ...]]] = {
     **dict.fromkeys(("low", "high", "starts", "strips"), (types.int64, (-1,))), "arms": (types.float64, (-1, 2)),
-    "nodes": (types.int64, (2, -1)), "normal": (types.float64, (2, -1)), "opposed": (types.boolean, (-1,)),
+    **dict.fromkeys(("normal", "offset"), (types.float64, (2, -1))), "nodes": (types.int64, (2, -1)),
+    "opposed": (types.boolean, (-1,)),
 }  # fmt: skip
 
 

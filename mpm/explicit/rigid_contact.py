@@ -60,42 +60,48 @@ def rigid_side(number: int, body: MovingBody) -> RigidSide:
 
 
 @njit(inline="always")
-def _arm(side, node):
-    """From the centre of mass of a free rigid body to a node."""
-    return (node // side.width) * side.h - side.centre[0], (node % side.width) * side.h - side.centre[1]
+def _meeting(side, touching, n, node):
+    """A common node of a side, and the way from the centre of mass of a free rigid body to where the bodies meet there.
+
+    They meet off the node: a body that turned about the node itself would slide, and let go where its edge leaves it.
+    """
+    if side.kind != FREE:
+        return node, 0.0, 0.0
+    x = (node // side.width) * side.h - side.centre[0] + touching.offset[0, n]
+    return node, x, (node % side.width) * side.h - side.centre[1] + touching.offset[1, n]
 
 
 @njit(inline="always")
-def _velocity(side, node):
-    """Of a side at a node."""
+def _velocity(side, at):
+    """Of a side at a common node."""
+    node, x, y = at
     if side.kind != FREE:
         return side.vx[node], side.vy[node]
-    x, y = _arm(side, node)
     return side.velocity[0] - side.velocity[2] * y, side.velocity[1] + side.velocity[2] * x
 
 
 @njit(inline="always")
-def _relative(first, second, a, b):
+def _relative(first, second, at_first, at_second):
     """Velocity of the first side over that of the second at their common node."""
-    (ax, ay), (bx, by) = _velocity(first, a), _velocity(second, b)
+    (ax, ay), (bx, by) = _velocity(first, at_first), _velocity(second, at_second)
     return ax - bx, ay - by
 
 
 @njit(inline="always")
-def _yield_of(side, node, x, y):
+def _yield_of(side, at, x, y):
     """Change of the velocity along a direction by a unit impulse along it."""
+    node, arm_x, arm_y = at
     if side.kind == FREE:
-        arm_x, arm_y = _arm(side, node)
         turning = arm_x * y - arm_y * x
         return side.inverses[0] + turning * turning * side.inverses[1]
     return 1.0 / side.mass[node] if side.kind == OWN_MASS else 0.0
 
 
 @njit(inline="always")
-def _give(side, node, x, y):
-    """An impulse to a side at a node."""
+def _give(side, at, x, y):
+    """An impulse to a side at a common node."""
+    node, arm_x, arm_y = at
     if side.kind == FREE:
-        arm_x, arm_y = _arm(side, node)
         side.velocity[0] += side.inverses[0] * x
         side.velocity[1] += side.inverses[0] * y
         side.velocity[2] += side.inverses[1] * (arm_x * y - arm_y * x)
@@ -109,7 +115,9 @@ def largest_speed(first, second, touching, count):
     """Of either side at their common nodes, or taken there by an impulse: what velocities are small against."""
     largest = 0.0
     for n in range(count):
-        a, b, nx, ny = touching.nodes[0, n], touching.nodes[1, n], touching.normal[0, n], touching.normal[1, n]
+        nx, ny = touching.normal[0, n], touching.normal[1, n]
+        a = _meeting(first, touching, n, touching.nodes[0, n])
+        b = _meeting(second, touching, n, touching.nodes[1, n])
         (ax, ay), (bx, by) = _velocity(first, a), _velocity(second, b)
         taken = touching.pushes[n] * (_yield_of(first, a, nx, ny) + _yield_of(second, b, nx, ny))
         largest = max(largest, abs(ax) + abs(ay), abs(bx) + abs(by), taken)
@@ -130,7 +138,8 @@ def press(first, second, touching, count, step, friction):
         for n in range(count):
             if gap[n] == np.inf:
                 continue
-            a, b, nx, ny = nodes[0, n], nodes[1, n], normal[0, n], normal[1, n]
+            a, b = _meeting(first, touching, n, nodes[0, n]), _meeting(second, touching, n, nodes[1, n])
+            nx, ny = normal[0, n], normal[1, n]
             rx, ry = _relative(first, second, a, b)
             give = _yield_of(first, a, nx, ny) + _yield_of(second, b, nx, ny)
             push = max(0.0, pushes[n] + (rx * nx + ry * ny - max(gap[n], 0.0) / step) / give)
@@ -157,7 +166,8 @@ def count_impulses(first, second, touching, count, step, friction, kept_velociti
     small = ALLOWED * largest_speed(first, second, touching, count)
     for n in range(count):
         nx, ny, push, drag = touching.normal[0, n], touching.normal[1, n], touching.pushes[n], touching.drags[n]
-        rx, ry = _relative(first, second, touching.nodes[0, n], touching.nodes[1, n])
+        a = _meeting(first, touching, n, touching.nodes[0, n])
+        rx, ry = _relative(first, second, a, _meeting(second, touching, n, touching.nodes[1, n]))
         approach, slip = rx * nx + ry * ny - max(touching.gap[n], 0.0) / step, -rx * ny + ry * nx
         sums.counts[3] += approach > small
         if push == 0.0:

@@ -25,6 +25,8 @@ DRIFT = 1
 #: points tell how far a body reaches at a node when the normal there passes within this part of their size: more would
 #: make flats of round bodies' lowest points, half is the least that leaves no hole between points
 LATERAL = 0.75
+#: in cells and their squares, more than the round-off of places
+SLACK = 1e-9
 #: columns of cells in a strip: two strips of one colour must stay apart for cubic splines and drifting points
 STRIP = 6
 #: points whose displacement gradients are found before their strains turn, four at once
@@ -229,10 +231,11 @@ def near(starts, first, low, high):
 
 def _reaches(k):
     @njit(cache=True)
-    def reaches(starts, motion, matter, width, surface):
+    def reaches(starts, motion, matter, width, has_edges, surface):
         """Largest place along the nodes' normals to which the points near them reach, from the nodes, in cells.
 
-        It is infinite, and not sought, where a node has no normal.
+        It is infinite, and not sought, where a node has no normal. A body that ``has_edges`` tells its farthest point
+        within a cell as well, and how far beside the node it ends.
         """
         x, y, size_x, size_y = motion.x, motion.y, matter.size_x, matter.size_y
         normal_x, normal_y, reach = surface.normal_x, surface.normal_y, surface.reach
@@ -247,12 +250,24 @@ def _reaches(k):
                         nx, ny = normal_x[node], normal_y[node]
                         # a node stands (order - 1) / 2 cells before the cell's corner of the same number
                         off_x, off_y = x[p] - (i + a) + 0.5 * (k - 2), y[p] - (j + b) + 0.5 * (k - 2)
-                        aside = np.sqrt((size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2)
-                        if abs(off_y * nx - off_x * ny) > LATERAL * aside:
+                        along, aside = off_x * nx + off_y * ny, off_y * nx - off_x * ny
+                        # most points can be told without a root
+                        most = along + 0.5 * (abs(size_x[p] * nx) + abs(size_y[p] * ny)) + SLACK
+                        if most <= reach[node] and (not has_edges or most <= surface.farthest[node]):
                             continue
-                        along = off_x * nx + off_y * ny
+                        square = (size_x[p] * ny) ** 2 + (size_y[p] * nx) ** 2
+                        if not has_edges and aside * aside > LATERAL * LATERAL * square + SLACK:
+                            continue
+                        size = np.sqrt(square)
+                        is_near = abs(aside) <= LATERAL * size
+                        if not is_near and not has_edges:
+                            continue
                         along += 0.5 * np.sqrt((size_x[p] * nx) ** 2 + (size_y[p] * ny) ** 2)
-                        reach[node] = max(reach[node], along)
+                        if is_near:
+                            reach[node] = max(reach[node], along)
+                        if has_edges and abs(aside) <= 1.0 and along > surface.farthest[node]:
+                            surface.farthest[node] = along
+                            surface.aside[node] = np.sign(aside) * max(0.0, abs(aside) - 0.5 * size)
 
     return reaches
 

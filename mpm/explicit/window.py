@@ -47,7 +47,8 @@ class NodeTractions(NamedTuple):
 
 
 class NodeSurface(NamedTuple):
-    """Where bodies meet: mass gradient, normal, how far the body reaches along it.
+    """Where bodies meet: mass gradient, normal, how far the body reaches along it; how far a free rigid body reaches
+    within a cell beside it, and how far to the left of the normal that is.
 
     ``low, high`` (n_columns,) are the rows of the cells in each column whose points are near.
     """
@@ -57,6 +58,8 @@ class NodeSurface(NamedTuple):
     normal_x: NDArray
     normal_y: NDArray
     reach: NDArray
+    farthest: NDArray
+    aside: NDArray
     low: NDArray
     high: NDArray
 
@@ -85,7 +88,7 @@ class GridWindow:
     def over(cls, corner: NDArray, shape: NDArray, starts: NDArray) -> GridWindow:
         """A window whose arrays are zero."""
         size, width = int(np.prod(shape)), int(shape[1])
-        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (1, 4, 2, 5))
+        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (1, 4, 2, 7))
         for group in (sums, velocities):
             group.append(np.zeros(4 * size))
         surface += [np.zeros(shape[0], np.int64) for _ in range(2)]

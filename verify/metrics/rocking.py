@@ -191,3 +191,31 @@ def base_offset(run: RunData) -> float:
     kept = 0.5 * turning * rate[chosen] ** 2 + block.gravity * half_height * np.cos(angle[chosen])
     terms = np.column_stack([-block.gravity * np.sin(size[chosen]), np.ones(int(chosen.sum()))])
     return abs(float(np.linalg.lstsq(terms, kept, rcond=None)[0][0]) - half_width)
+
+
+@metric("length", "how far beside the block's corner the force passes that holds it while it rocks freely")
+def force_offset(run: RunData) -> float:
+    """Size of that distance between the first two impacts behind the ground's motion, where the angle is beyond half of
+    its peak: the moment of the impulses about the corner over the upright one, from the changes of momentum and spin.
+
+    A block that trembles on its corner, or whose corner sinks, has its place by this and not by its energy.
+    """
+    time, angle, rate = rocking_of(run)
+    from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
+
+    case, block, body = run.case, block_of(run.case), rocking_body(run.case)
+    found = [impact for impact in impacts_of(time, angle) if impact > ground_motion(case).end]
+    if not found:
+        raise MetricError(f"{run_name(run)}: no impact follows the ground's motion; run it longer")
+    free = (time > found[0]) & (time < (found[1] if len(found) > 1 else math.inf))
+    beyond = np.flatnonzero(free & (np.abs(angle) > 0.5 * np.abs(angle[free]).max()))
+    rows = slice(beyond[0], beyond[-1] + 1)
+    momentum_x, momentum_y = (history_column(run, f"{body}_momentum_{axis}")[rows] for axis in "xy")
+    mass = block.mass * case.plane.thickness
+    push_x, push_y = np.diff(momentum_x), np.diff(momentum_y) + mass * block.gravity * np.diff(time[rows])
+    side, middle = -np.sign(angle[beyond[0]]), 0.5 * (angle[rows][1:] + angle[rows][:-1])
+    # from the centre of mass to the corner
+    to_x = 0.5 * (side * block.width * np.cos(middle) + block.height * np.sin(middle))
+    to_y = 0.5 * (side * block.width * np.sin(middle) - block.height * np.cos(middle))
+    turned = block.inertia * case.plane.thickness * float(rate[rows][-1] - rate[rows][0])
+    return abs((turned - float(to_x @ push_y - to_y @ push_x)) / float(push_y.sum()))
