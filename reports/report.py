@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import logging
-import multiprocessing
 import re
 import shutil
 from concurrent.futures import ProcessPoolExecutor
@@ -20,6 +19,7 @@ from cases import UserError
 from cases.loader import reading_once
 from verify.judging import coverage
 from verify.runs.atomic import NO_ROOM
+from verify.runs.processes import fresh_processes
 
 from . import (  # isort: skip
     arch, charts, curves, fields, film, kept, maps, motion, orientations, overview, rocking, rocking_diagram, scene,
@@ -110,7 +110,8 @@ def write_report(out: Path, jobs: int = 1) -> Path:
     if jobs == 1:
         pages = list(map(page, summary["cases"]))
     else:
-        with ProcessPoolExecutor(jobs, mp_context=_processes()) as pool:
+        processes = fresh_processes("reports.report", "verify.runs.vtk_files")
+        with ProcessPoolExecutor(jobs, mp_context=processes) as pool:
             started = {id(entry): pool.submit(page, entry) for entry in _longest_first(summary["cases"], out)}
             pages = [started[id(entry)].result() for entry in summary["cases"]]
     file = out / "index.html"
@@ -122,15 +123,6 @@ def write_report(out: Path, jobs: int = 1) -> Path:
     )  # fmt: skip
     file.write_text(index, encoding="utf-8")
     return file
-
-
-def _processes() -> multiprocessing.context.BaseContext:
-    """Where the platform can, copies of one process that has imported what draws."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["reports.report", "verify.runs.vtk_files"])
-    return context
 
 
 def _longest_first(entries: Sequence[Mapping[str, Any]], out: Path) -> list[Mapping[str, Any]]:

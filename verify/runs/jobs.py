@@ -22,6 +22,7 @@ from physics.rocking.records import missing_record
 from verify.runs.atomic import WriteError
 from verify.runs.cluster import LostTask, results
 from verify.runs.listeners import Listener, TimeLimit
+from verify.runs.processes import fresh_processes
 from verify.runs.progress import progress_view
 from verify.runs.provenance import resident_megabytes, source_hash
 from verify.runs.run_folder import RunFolder, case_folder
@@ -29,6 +30,8 @@ from verify.runs.running import run, up_to_date
 
 #: memory [MB] of a used process up to which it is kept: little more than a fresh one takes, not a large one's leavings
 LARGEST_USED = 450.0
+#: what runs need, imported once for all processes
+IMPORTED = ("verify.runs.jobs", "verify.runs.preloaded")
 GO_ON = "go on behind its last checkpoint with `verify run --resume`"
 
 
@@ -143,7 +146,7 @@ class _Process:
         if job.threads != self._threads:
             self.end()
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(1, mp_context=_fresh_processes(), initializer=_watch_parent)
+            self._pool = ProcessPoolExecutor(1, mp_context=fresh_processes(*IMPORTED), initializer=_watch_parent)
             self._threads = job.threads
         try:
             outcome, megabytes = self._pool.submit(_do_and_weigh, job).result()
@@ -186,15 +189,6 @@ def _do_on_worker(task: tuple[Job, str]) -> Outcome:
     if source_hash() != source:
         return Outcome(job.title, "its worker has another version of the project; install the same everywhere", True)
     return do(job)
-
-
-def _fresh_processes() -> multiprocessing.context.BaseContext:
-    """Where the platform can, copies of one process that has imported the solvers and computed nothing."""
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["verify.runs.jobs", "verify.runs.preloaded"])
-    return context
 
 
 def _watch_parent() -> None:
