@@ -114,6 +114,7 @@ class Load(Table):
     path : values that u runs through, starting at the first [length; a plain number where no constraint has a scale or
         motion: the factor on loads with ramp = "load", the place in tables]
     increment : first and largest increment of u [length]; may be left out for a path of one point
+    later_increments : the same for each further leg of the path, where they differ
     smallest : smallest increment [length]; increment/64 if left out
     prologue : share of the way to the path's first target that the first increment takes at once, staggered to
         convergence, because nothing breaks there
@@ -127,6 +128,7 @@ class Load(Table):
 
     path: Annotated[tuple[Length, ...], Field(min_length=1)]
     increment: Annotated[Length, Field(gt=0)] = 1.0
+    later_increments: tuple[Annotated[Length, Field(gt=0)], ...] = ()
     smallest: Annotated[Length, Field(gt=0)] = Field(
         default_factory=lambda data: data.get("increment", 1.0) / SMALLEST_SHARE
     )
@@ -143,13 +145,7 @@ class Load(Table):
             raise BrokenRuleError(
                 "is missing", "add the first and largest increment of the load", "increment"
             )
-        if self.smallest > self.increment:
-            remedy = f"make it no more than increment = {self.increment:g}"
-            raise BrokenRuleError("is above the increment", remedy, "smallest", self.smallest)
-        legs = [abs(after - before) for before, after in pairwise(self.path)]
-        if legs and self.increment > max(legs) * (1.0 + 1e-9):
-            remedy = f"make it no more than {max(legs):g}"
-            raise BrokenRuleError("is longer than every leg of the path", remedy, "increment", self.increment)
+        self._fits_its_legs()
         for before, after in pairwise(self.path):
             if before == after:
                 raise BrokenRuleError("stands still", "remove the repeated value", "path", list(self.path))
@@ -157,6 +153,30 @@ class Load(Table):
             remedy = "give a path of two values and adaptive increments"
             raise BrokenRuleError("follows one way of loading only", remedy, "control", self.control)
         return self
+
+    @property
+    def increments(self) -> tuple[float, ...]:
+        """First and largest increment on each leg of the path [length]."""
+        return (self.increment, *self.later_increments) if self.later_increments else (self.increment,) * (len(self.path) - 1)
+
+    def _fits_its_legs(self) -> None:
+        legs = [abs(after - before) for before, after in pairwise(self.path)]
+        if self.later_increments and len(self.later_increments) != len(legs) - 1:
+            remedy = f"give {max(len(legs) - 1, 0)}, one for each leg after the first, or leave it out"
+            given = list(self.later_increments)
+            raise BrokenRuleError("does not fit the path", remedy, "later_increments", given)
+        least = min((self.increment, *self.later_increments))
+        if self.smallest > least:
+            remedy = f"make it no more than increment = {least:g}"
+            raise BrokenRuleError("is above the increment", remedy, "smallest", self.smallest)
+        longest = max(legs[:1] if self.later_increments else legs, default=self.increment)
+        if self.increment > longest * (1.0 + 1e-9):
+            remedy = f"make it no more than {longest:g}"
+            raise BrokenRuleError("is longer than every leg of the path", remedy, "increment", self.increment)
+        for number, (later, leg) in enumerate(zip(self.later_increments, legs[1:], strict=False)):
+            if later > leg * (1.0 + 1e-9):
+                remedy = f"make it no more than {leg:g}"
+                raise BrokenRuleError("is longer than its leg of the path", remedy, f"later_increments[{number}]", later)
 
 
 # The load of a case that gives dynamics instead.

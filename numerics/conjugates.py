@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -99,12 +100,20 @@ def noted(
     )
 
 
-def path_targets(case: Case) -> list[float]:
+class Target(NamedTuple):
+    """A load that the path runs to, and the largest increment on the way."""
+
+    load: float
+    increment: float
+
+
+def path_targets(case: Case) -> list[Target]:
     """Loads that the path runs to in turn: its own, and between them those at which a table has a row."""
     rows = np.concatenate([[], *(c.course.times for c in case.constraints if c.course is not None)])
-    targets: list[float] = []
-    for start, end in pairwise(case.load.path):
+    targets: list[Target] = []
+    for (start, end), increment in zip(pairwise(case.load.path), case.load.increments, strict=True):
         slack = 1e-9 * abs(end - start)
         between = np.unique(rows[(rows > min(start, end) + slack) & (rows < max(start, end) - slack)])
-        targets += [*map(float, between if end > start else between[::-1]), end]
+        loads = [*map(float, between if end > start else between[::-1]), end]
+        targets += [Target(load, increment) for load in loads]
     return targets

@@ -177,9 +177,9 @@ class _LoadPath:
         if self.last is None:
             yield self._first_state()
         while self.march.leg < len(self.targets):
-            target = self.targets[self.march.leg]
+            target = self.targets[self.march.leg].load
             if self.load == target:
-                self.march = replace(self.march, leg=self.march.leg + 1)
+                self._turn()
                 continue
             assert self.last is not None
             if self.last.is_last:
@@ -190,6 +190,14 @@ class _LoadPath:
                 self.discretisation.undo()
                 yield self._report_end(RunStatus.TIMED_OUT, f"out of time in the increment after u = {self.load:g}")
                 return
+
+    def _turn(self) -> None:
+        """On to the next target; a leg with an increment of its own begins with it, or with less where less is in use."""
+        leg, size = self.march.leg + 1, self.march.next_size
+        if leg < len(self.targets) and self.targets[leg].increment != self.targets[leg - 1].increment:
+            largest = self.targets[leg].increment
+            size = min(size, largest) if self.limits.adaptive else largest
+        self.march = replace(self.march, leg=leg, next_size=size)
 
     def _first_state(self) -> Increment:
         """The state at the path's first load, or the report that there is none."""
@@ -319,7 +327,7 @@ class _LoadPath:
 
     def _beyond(self, load: float) -> float:
         """The load that is on the way to come from one that is reached; itself at the end."""
-        coming = (target for target in self.targets[self.march.leg :] if target != load)
+        coming = (target.load for target in self.targets[self.march.leg :] if target.load != load)
         return next(coming, load)
 
     def _force(self, load: float) -> float:
@@ -354,7 +362,7 @@ class _LoadPath:
         if self.limits.adaptive and fall > LARGEST_FALL:
             size = max(0.5 * size, self.case.load.smallest)
         elif self.limits.adaptive and quiet and GROWTH * fall <= LARGEST_FALL:
-            size = min(GROWTH * size, self.case.load.increment)
+            size = min(GROWTH * size, self.targets[self.march.leg].increment)
         self.march = replace(self.march, next_size=size)
         self.last = replace(accepted, march=self.march)
         return self.last

@@ -1,7 +1,10 @@
 """The first state and the elastic prologue are judged like any other increment; what cannot break has no phase field."""
 
+from itertools import pairwise
+
 import pytest
 
+from cases import CaseError
 from fem_reference import FiniteElements
 from mpm import MaterialPoints
 from numerics.quasi_static import TOO_FAR, increments
@@ -120,3 +123,23 @@ def test_what_cannot_break_has_no_phase_field(variant, solver):
 def test_what_cannot_break_does_not_hold_the_phase_field_by_its_units(variant, solver):
     forces = [march(bar(variant, solver, newtons, move_points=False))[0][-1].F for newtons in (False, True)]
     assert forces[1] == pytest.approx(1e3 * forces[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_each_leg_of_the_path_has_its_increment(variant, adaptive):
+    load = {"path": [0.0, 0.001, 0.002, 0.0], "increment": 5e-4, "later_increments": [1e-4, 1e-3], "smallest": 1e-4}
+    followed, _ = march(notched(variant, load={**load, "adaptive": adaptive}))
+    sizes = [round(abs(after.u - before.u), 12) for before, after in pairwise(followed)]
+    assert sizes[:12] == [5e-4] * 2 + [1e-4] * 10
+    assert (sizes[12:] == [1e-3] * 2) != adaptive
+    assert 1e-4 <= min(sizes[12:-1]) and 2e-4 < max(sizes[12:]) <= 1e-3, "they grow where they are adaptive"
+    assert sum(sizes[12:]) == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize(
+    ("later", "said"),
+    [([1e-4, 1e-4], "later_increments.*give 1, one for each leg after the first"), ([2e-3], r"later_increments\[0\].*longer than its leg")],
+)
+def test_increments_that_do_not_fit_the_path_are_refused(variant, later, said):
+    with pytest.raises(CaseError, match=said):
+        notched(variant, load={"path": [0.0, 0.001, 0.002], "increment": 5e-4, "later_increments": later})

@@ -170,8 +170,8 @@ def _increments(case: Case, stable_step: float | None) -> int:
     if stable_step is not None:
         return number_of_steps(case, stable_step)
     ways = np.abs(np.diff(case.load.path))
-    path = float(ways.sum()) - case.load.prologue * float(ways[0] if len(ways) else 0.0)
-    return 1 + int(np.ceil(path / case.load.increment - 1e-9))
+    ways[:1] *= 1.0 - case.load.prologue
+    return 1 + int(np.ceil(float(np.sum(ways / case.load.increments)) - 1e-9))
 
 
 # ---------------------------------------------------------------------------------------------- measured

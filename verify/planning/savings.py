@@ -57,10 +57,11 @@ def _graded_grid(case: Case) -> Saving:
 
 def _adaptive_increments(case: Case) -> Saving:
     name, load = "adaptive increments", case.load
+    sizes = " and ".join(f"{size:g}" for size in dict.fromkeys(load.increments or (load.increment,)))
     if len(load.path) < 2 or not load.adaptive or case.staggered.scheme == "passes" or not case.fracture_enabled:
-        return Saving(name, False, f"increments are constant, {load.increment:g}")
-    reason = f"increments of {load.increment:g} while nothing breaks, down to {load.smallest:g} where it does"
-    constant = {"adaptive": False, "increment": load.smallest, "control": "displacement"}
+        return Saving(name, False, f"increments are constant, {sizes}")
+    reason = f"increments of {sizes} while nothing breaks, down to {load.smallest:g} where it does"
+    constant = {"adaptive": False, "increment": load.smallest, "later_increments": [], "control": "displacement"}
     return Saving(name, True, reason, {"load": constant})
 
 

@@ -147,8 +147,9 @@ def _march(model: Model, case: Case) -> list[dict[str, float]]:
     """Increments along the load's path, halved where the crack advances too far or nothing converges."""
     load, farthest = case.load, case.load.largest_advance * _fracture(case).length_scale
     rows, u, increment = [{"u": load.path[0], "F": 0.0, "E_el": 0.0, "c_min": 1.0}], load.path[0], load.increment
-    for target in load.path[1:]:
-        while abs(target - u) > 1e-9 * abs(load.increment):
+    for target, largest in zip(load.path[1:], load.increments, strict=True):
+        increment = min(increment, largest)
+        while abs(target - u) > 1e-9 * largest:
             increment = min(increment, abs(target - u))
             before, wanted = model.state(), u + np.sign(target - u) * increment
             good = model.step(wanted) and model.advance(before[1]) <= farthest
@@ -159,7 +160,7 @@ def _march(model: Model, case: Case) -> list[dict[str, float]]:
             u = wanted
             model.simulation.Save_Iter()
             rows.append(model.row(u))
-            increment = min(1.5 * increment, load.increment)
+            increment = min(1.5 * increment, largest)
             if load.stop_when_broken and abs(rows[-1]["F"]) < load.broken_fraction * max(abs(row["F"]) for row in rows):
                 return rows
     return rows
