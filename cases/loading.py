@@ -157,7 +157,8 @@ class Load(Table):
     @property
     def increments(self) -> tuple[float, ...]:
         """First and largest increment on each leg of the path [length]."""
-        return (self.increment, *self.later_increments) if self.later_increments else (self.increment,) * (len(self.path) - 1)
+        later = self.later_increments or (self.increment,) * (len(self.path) - 2)
+        return (self.increment, *later)[: len(self.path) - 1]
 
     def _fits_its_legs(self) -> None:
         legs = [abs(after - before) for before, after in pairwise(self.path)]
