@@ -10,18 +10,18 @@ ROUNDED = {"contract", "nsz", "arcp"}
 
 
 @njit(fastmath=ROUNDED)
-def _linear(xi):
+def linear(xi):
     return (1.0 - xi, xi, 0.0, 0.0), (-1.0, 1.0, 0.0, 0.0)
 
 
 @njit(fastmath=ROUNDED)
-def _quadratic(xi):
+def quadratic(xi):
     eta = 1.0 - xi
     return (0.5 * eta * eta, 0.5 + xi * eta, 0.5 * xi * xi, 0.0), (-eta, eta - xi, xi, 0.0)
 
 
 @njit(fastmath=ROUNDED)
-def _cubic(xi):
+def cubic(xi):
     eta = 1.0 - xi
     one, two = (4.0 - 3.0 * xi * xi * (1.0 + eta)) / 6.0, (4.0 - 3.0 * eta * eta * (1.0 + xi)) / 6.0
     value = (eta * eta * eta / 6.0, one, two, xi * xi * xi / 6.0)
@@ -33,10 +33,10 @@ def _cubic(xi):
 def splines(k, xi):
     """Values and slopes of the k = order + 1 splines of a cell at xi in [0, 1), tuples of four with zeros behind them."""
     if k == 3:
-        return _quadratic(xi)
+        return quadratic(xi)
     if k == 4:
-        return _cubic(xi)
-    return _linear(xi)
+        return cubic(xi)
+    return linear(xi)
 
 
 @njit(inline="always")

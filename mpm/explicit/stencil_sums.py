@@ -10,57 +10,46 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-_LANES = 4
-_DOUBLE, _INT = ir.DoubleType(), ir.IntType(32)
-_ROW = ir.VectorType(_DOUBLE, _LANES)
+from numerics.lanes import INT, LANES, LONG, TILE, VECTOR, data_of, picked, repeated
+
+#: rows of a tile: of its points' weights: weights of the rows of nodes, of their slopes, and weights times the way
+#: from the point; the same along a row of nodes; and how many rows
+ACROSS, SLOPES_ACROSS, OFF_ACROSS, ALONG, SLOPES_ALONG, OFF_ALONG, ROWS = range(0, 28, 4)
 
 
 def _row(builder, numbers):
     """A vector of a tuple's numbers."""
-    return _row_of(builder, [builder.extract_value(numbers, lane) for lane in range(_LANES)])
-
-
-def _row_of(builder, numbers):
-    row = ir.Constant(_ROW, ir.Undefined)
-    for lane, number in enumerate(numbers):
-        row = builder.insert_element(row, number, _INT(lane))
+    row = ir.Constant(VECTOR, ir.Undefined)
+    for lane in range(LANES):
+        row = builder.insert_element(row, builder.extract_value(numbers, lane), INT(lane))
     return row
 
 
-def _numbers(builder, tuples, part, count):
-    """The first numbers of a part of a tuple of tuples."""
-    numbers = builder.extract_value(tuples, part)
-    return [builder.extract_value(numbers, i) for i in range(count)]
+def _loaded(builder, address):
+    row = builder.load(builder.bitcast(address, VECTOR.as_pointer()))
+    row.align = 8
+    return row
 
 
-def _repeated(builder, number):
-    """A vector of one number."""
-    nothing = ir.Constant(_ROW, ir.Undefined)
-    row = builder.insert_element(nothing, number, _INT(0))
-    return builder.shuffle_vector(row, nothing, ir.Constant(ir.VectorType(_INT, _LANES), [0] * _LANES))
+def _store(builder, row, address):
+    builder.store(row, builder.bitcast(address, VECTOR.as_pointer())).align = 8
 
 
 def _rows(context, builder, array_type, array, first, width, k):
     """Addresses of the vectors of k rows in an array over nodes."""
-    nodes = context.make_array(array_type)(context, builder, array).data
+    nodes = data_of(context, builder, array_type, array)
     for a in range(k):
         node = builder.add(first, builder.mul(width, width.type(a)))
-        yield builder.bitcast(builder.gep(nodes, [node]), _ROW.as_pointer())
+        yield builder.gep(nodes, [node])
 
 
 def _nodes(context, builder, array_type, fields, first, width, a, k):
     """Addresses of the four fields at the k nodes of a row."""
-    values = context.make_array(array_type)(context, builder, fields).data
+    values = data_of(context, builder, array_type, fields)
     start = builder.add(first, builder.mul(width, width.type(a)))
     for b in range(k):
         node = builder.add(start, width.type(b))
-        yield builder.bitcast(builder.gep(values, [builder.mul(node, node.type(_LANES))]), _ROW.as_pointer())
-
-
-def _loaded(builder, address):
-    row = builder.load(address)
-    row.align = 8
-    return row
+        yield builder.gep(values, [builder.mul(node, node.type(LANES))])
 
 
 @intrinsic(prefer_literal=True)
@@ -74,79 +63,106 @@ def add_products(typing_context, k, array, first, width, terms):
         for i in range(len(signature.args[4])):
             term = builder.extract_value(terms, i)
             factor, across, along = (builder.extract_value(term, part) for part in range(3))
-            parts.append((across, builder.fmul(_repeated(builder, factor), _row(builder, along))))
+            parts.append((across, builder.fmul(repeated(builder, factor), _row(builder, along))))
         for a, address in enumerate(_rows(context, builder, signature.args[1], array, first, width, count)):
             total = _loaded(builder, address)
             for across, along in parts:
-                total = builder.fadd(total, builder.fmul(_repeated(builder, builder.extract_value(across, a)), along))
-            builder.store(total, address).align = 8
+                total = builder.fadd(total, builder.fmul(repeated(builder, builder.extract_value(across, a)), along))
+            _store(builder, total, address)
         return context.get_dummy_value()
 
     return types.void(k, array, first, width, terms), generate
 
 
 @intrinsic(prefer_literal=True)
-def add_fields(typing_context, k, fields, first, width, across, along, even, across_slopes, along_slopes):
-    """Add to four fields that lie side by side at each node, (4 n_nodes,).
+def add_fields(typing_context, k, m, fields, first, width, weights, gifts, point):
+    """Add what a point of a tile gives to the mass (n_nodes,) and to four fields that lie side by side at each node.
 
-    Each node takes ``across[0][a] along[0][b]`` times ``even``, four numbers, and ``across_slopes`` and ``along_slopes``
-    times the same product with one factor exchanged: the first two numbers with ``across[1]`` (``along[1]``), the others
-    with ``across[2]`` (``along[2]``).
+    weights : (ROWS, TILE). gifts : (4, TILE, 4), four numbers a point of each: mass times the weights along a row of
+    nodes; what a node takes of the product of both weights; and what it takes of that product with the weight across
+    (along) exchanged, in the first two fields for the weight times the way from the point, in the others for the slope.
     """
     count = k.literal_value
 
     def generate(context, builder, signature, arguments):
-        _, fields, first, width, across, along, *numbers = arguments
-        even, *slopes = (_row(builder, four) for four in numbers)
-        weights = [[_repeated(builder, w) for w in _numbers(builder, pair, 0, count)] for pair in (across, along)]
-        exchanged = [
-            [
-                _row_of(builder, (one, one, two, two))
-                for one, two in zip(*(_numbers(builder, three, part, count) for part in (1, 2)), strict=True)
-            ]
-            for three in (across, along)
-        ]
+        _, m, fields, first, width, weights, gifts, point = arguments
+        number = _Number(context, builder, signature.args[5], weights, point)
+        own, start = data_of(context, builder, signature.args[6], gifts), builder.mul(point, LONG(LANES))
+        rows = [builder.gep(own, [builder.add(start, LONG(n * LANES * TILE))]) for n in range(4)]
+        mass, even, *slopes = (_loaded(builder, row) for row in rows)
+        along = [number(ALONG + b) for b in range(count)]
+        exchanged = [number.pair(OFF_ALONG + b, SLOPES_ALONG + b) for b in range(count)]
+        masses = list(_rows(context, builder, signature.args[1], m, first, width, count))
         for a in range(count):
-            row = builder.fmul(weights[0][a], even)
-            row = builder.fadd(row, builder.fmul(exchanged[0][a], slopes[0]))
-            slope = builder.fmul(weights[0][a], slopes[1])
-            for b, address in enumerate(_nodes(context, builder, signature.args[1], fields, first, width, a, count)):
-                total = builder.fadd(_loaded(builder, address), builder.fmul(weights[1][b], row))
-                total = builder.fadd(total, builder.fmul(exchanged[1][b], slope))
-                builder.store(total, address).align = 8
+            weight = number(ACROSS + a)
+            _store(builder, builder.fadd(_loaded(builder, masses[a]), builder.fmul(weight, mass)), masses[a])
+            row = builder.fmul(weight, even)
+            row = builder.fadd(row, builder.fmul(number.pair(OFF_ACROSS + a, SLOPES_ACROSS + a), slopes[0]))
+            slope = builder.fmul(weight, slopes[1])
+            for b, address in enumerate(_nodes(context, builder, signature.args[2], fields, first, width, a, count)):
+                total = builder.fadd(_loaded(builder, address), builder.fmul(along[b], row))
+                _store(builder, builder.fadd(total, builder.fmul(exchanged[b], slope)), address)
         return context.get_dummy_value()
 
-    arguments = (k, fields, first, width, across, along, even, across_slopes, along_slopes)
-    return types.void(*arguments), generate
+    return types.void(k, m, fields, types.int64, width, weights, gifts, types.int64), generate
 
 
 @intrinsic(prefer_literal=True)
-def sum_fields(typing_context, k, fields, first, width, across, along):
-    """Sums and their slopes of four fields that lie side by side at each node: twelve numbers.
+def sum_fields(typing_context, k, fields, first, width, weights, sums, point):
+    """Sums of four fields that lie side by side at each node (4 n_nodes,), and slopes of two, at a point of a tile.
 
-    ``fields`` (4 n_nodes,); ``across`` and ``along`` are pairs of the weights of a row or column and their slopes. The
-    four sums of weights come first, then those of the slopes across, then those of the slopes along.
+    weights : (ROWS, TILE). sums : (2, TILE, 4) takes the sums; then the slopes of the first and second field across the
+    rows of nodes and along them.
     """
     count = k.literal_value
 
     def generate(context, builder, signature, arguments):
-        _, fields, first, width, across, along = arguments
-        weights, slopes = (
-            [[_repeated(builder, w) for w in _numbers(builder, pair, part, count)] for pair in (across, along)]
-            for part in range(2)
-        )
-        sums = [None, None, None]
+        _, fields, first, width, weights, sums, point = arguments
+        number = _Number(context, builder, signature.args[4], weights, point)
+        nodes = []
         for a in range(count):
             addresses = _nodes(context, builder, signature.args[1], fields, first, width, a, count)
-            nodes = [_loaded(builder, address) for address in addresses]
-            row, slope = _weighted(builder, nodes, weights[1]), _weighted(builder, nodes, slopes[1])
-            for number, (part, weight) in enumerate(((row, weights[0]), (row, slopes[0]), (slope, weights[0]))):
-                product = builder.fmul(weight[a], part)
-                sums[number] = product if a == 0 else builder.fadd(sums[number], product)
-        found = [builder.extract_element(total, _INT(lane)) for total in sums for lane in range(_LANES)]
-        return context.make_tuple(builder, signature.return_type, found)
+            nodes.append([_loaded(builder, address) for address in addresses])
+        rows, start = data_of(context, builder, signature.args[5], sums), builder.mul(point, LONG(LANES))
+        for part, row in enumerate(_sums(builder, nodes, number, count)):
+            _store(builder, row, builder.gep(rows, [builder.add(start, LONG(part * LANES * TILE))]))
+        return context.get_dummy_value()
 
-    return types.UniTuple(types.float64, 3 * _LANES)(k, fields, first, width, across, along), generate
+    return types.void(k, fields, types.int64, width, weights, sums, types.int64), generate
+
+
+def _sums(builder, nodes, number, count):
+    """Sums of the fields at a point, and slopes of the first two, of rows of nodes."""
+    along, slopes_along = ([number(part + b) for b in range(count)] for part in (ALONG, SLOPES_ALONG))
+    total, across, up = None, None, None
+    for a in range(count):
+        row, slope = _weighted(builder, nodes[a], along), _weighted(builder, nodes[a], slopes_along)
+        weight = number(ACROSS + a)
+        total = _added(builder, total, weight, row)
+        across = _added(builder, across, number(SLOPES_ACROSS + a), row)
+        up = _added(builder, up, weight, slope)
+    return total, picked(builder, across, up, [0, 1, 4, 5])
+
+
+def _added(builder, total, weight, vector):
+    product = builder.fmul(weight, vector)
+    return product if total is None else builder.fadd(total, product)
+
+
+class _Number:
+    """Vectors of one number each, from the rows of an array (n, TILE) for one of its points."""
+
+    def __init__(self, context, builder, array_type, array, point) -> None:
+        self._builder, self._point = builder, point
+        self._numbers = data_of(context, builder, array_type, array)
+
+    def __call__(self, row):
+        place = self._builder.add(self._point, self._point.type(row * TILE))
+        return repeated(self._builder, self._builder.load(self._builder.gep(self._numbers, [place])))
+
+    def pair(self, one, two):
+        """Of the number of one row twice, then of that of another one."""
+        return picked(self._builder, self(one), self(two), [0, 1, 6, 7])
 
 
 def _weighted(builder, vectors, weights):

@@ -17,8 +17,9 @@ import numpy as np
 from numba import njit, prange
 
 from mpm.explicit.cell_splines import ROUNDED, basis, splines
-from mpm.explicit.stencil_sums import add_fields, add_products, sum_fields
-from mpm.explicit.stresses import elastic_stress, turned_strain
+from mpm.explicit.stencil_sums import ROWS, add_fields, add_products, sum_fields
+from mpm.explicit.tiles import follow, give, weigh
+from numerics.lanes import LANES, TILE, apart, borrowed, same
 
 #: cells that a point may wander from where it was sorted, in each direction
 DRIFT = 1
@@ -29,8 +30,6 @@ LATERAL = 0.75
 SLACK = 1e-9
 #: columns of cells in a strip: two strips of one colour must stay apart for cubic splines and drifting points
 STRIP = 6
-#: points whose displacement gradients are found before their strains turn, four at once
-TILE = 32
 
 
 class PointUpdate(NamedTuple):
@@ -59,13 +58,6 @@ class PointUpdate(NamedTuple):
     lag_y: float
 
 
-@njit(fastmath=ROUNDED)
-def _times_offset(k, weight, xi):
-    """The k of four weights times the way from a point at xi of a cell to their nodes, in cells."""
-    start = 0.5 * (k - 2) + xi
-    return (-start * weight[0], (1.0 - start) * weight[1], (2.0 - start) * weight[2], (3.0 - start) * weight[3])
-
-
 def _to_grid(k):
     @njit(cache=True, parallel=True, fastmath=ROUNDED)
     def to_grid(strips, motion, matter, gradient, elastic, h, affine, width, sums):
@@ -73,9 +65,6 @@ def _to_grid(k):
 
         affine : 1 where momenta count the points' velocity gradients about them, else 0.
         """
-        x, y, vx, vy, mass, volume = motion.x, motion.y, motion.vx, motion.vy, matter.mass, matter.volume
-        sxx, syy, sxy = elastic.sxx, elastic.syy, elastic.sxy
-        cxx, cxy, cyx, cyy = gradient
         m, fields = sums
         over_h, arm = 1.0 / h, affine * h
         for row in prange(len(m) // width):
@@ -84,18 +73,18 @@ def _to_grid(k):
         for colour in range(2):
             for half in prange((len(strips) - colour) // 2):
                 strip = 2 * half + colour
-                for p in range(np.uintp(strips[strip]), np.uintp(strips[strip + 1])):
-                    i, j = int(x[p]), int(y[p])
-                    (wx, dx), (wy, dy) = splines(k, x[p] - i), splines(k, y[p] - j)
-                    off_x, off_y = _times_offset(k, wx, x[p] - i), _times_offset(k, wy, y[p] - j)
-                    first, one, v = i * width + j, mass[p] * arm, -volume[p] * over_h
-                    add_products(k, m, first, width, ((mass[p], wx, wy),))
-                    add_fields(
-                        k, fields, first, width, (wx, off_x, dx), (wy, off_y, dy),
-                        (mass[p] * vx[p], mass[p] * vy[p], 0.0, 0.0),
-                        (one * cxx[p], one * cyx[p], v * sxx[p], v * sxy[p]),
-                        (one * cxy[p], one * cyy[p], v * sxy[p], v * syy[p]),
-                    )  # fmt: skip
+                weights, gifts, firsts = np.empty((ROWS, TILE)), np.empty((16, TILE)), np.empty(TILE, np.int64)
+                for start in range(strips[strip], strips[strip + 1], TILE):
+                    number = min(strips[strip + 1] - start, TILE)
+                    points = borrowed(motion), borrowed(matter), borrowed(gradient), borrowed(elastic)
+                    rows, own, nodes = borrowed(weights), borrowed(gifts), borrowed(firsts)
+                    for q in range(0, number, LANES):
+                        if number - q >= LANES:
+                            give(k, start + q, LANES, q, over_h, arm, points, width, rows, nodes, own)
+                        else:
+                            give(k, start + q, number - q, q, over_h, arm, points, width, rows, nodes, own)
+                    for q in range(number):
+                        add_fields(k, m, fields, firsts[q], width, weights, gifts, q)
 
     return to_grid
 
@@ -118,29 +107,6 @@ def _masses(k):
     return masses
 
 
-@njit(fastmath=ROUNDED, error_model="numpy")
-def turn_strains(start, number, tile, corotational, exx, eyy, gxy):
-    """Strains of points after a step, whose gradients xx, xy, yx, yy lie ``TILE`` apart in ``tile``."""
-    if corotational:
-        for q in range(number):
-            strain = turned_strain(
-                exx[start + q], eyy[start + q], gxy[start + q], tile[q], tile[q + TILE], tile[q + 2 * TILE],
-                tile[q + 3 * TILE], True,
-            )  # fmt: skip
-            tile[q], tile[q + TILE], tile[q + 2 * TILE] = strain
-    else:
-        for q in range(number):
-            shear = tile[q + TILE] + tile[q + 2 * TILE]
-            tile[q], tile[q + TILE] = exx[start + q] + tile[q], eyy[start + q] + tile[q + 3 * TILE]
-            tile[q + 2 * TILE] = gxy[start + q] + shear
-    for q in range(number):
-        exx[start + q] = tile[q]
-    for q in range(number):
-        eyy[start + q] = tile[q + TILE]
-    for q in range(number):
-        gxy[start + q] = tile[q + 2 * TILE]
-
-
 def _to_points(k):
     @njit(cache=True, parallel=True, fastmath=ROUNDED, error_model="numpy")
     def to_points(strips, velocities, width, update, motion, gradient, elastic, fastest):
@@ -149,47 +115,31 @@ def _to_points(k):
 
         ``fastest`` (n_strips,) takes the largest square of the velocity that carries a point of each strip.
         """
-        factor, flip, corotational, affine, with_velocities, with_strains, with_stresses, lam, mu, lag_x, lag_y = update
-        x, y, vx, vy, moved_x, moved_y = motion
-        cxx, cxy, cyx, cyy = gradient
-        exx, eyy, gxy, sxx, syy, sxy = elastic
         old_x, old_y, new_x, new_y, packed = velocities
         for row in prange(len(new_x) // width):
             for node in range(row * width, (row + 1) * width):
                 packed[4 * node], packed[4 * node + 1] = new_x[node], new_y[node]
                 packed[4 * node + 2], packed[4 * node + 3] = new_x[node] - old_x[node], new_y[node] - old_y[node]
         for strip in prange(len(strips) - 1):
-            largest = 0.0
-            begin, end = np.uintp(strips[strip]), np.uintp(strips[strip + 1])
-            tile = np.empty(4 * TILE)
-            for start in range(begin, end, np.uintp(TILE)):
-                number = min(np.uintp(TILE), end - start)
+            weights, firsts, sums = np.empty((ROWS, TILE)), np.empty(TILE, np.int64), np.empty((8, TILE))
+            largest = same(0.0)
+            for start in range(strips[strip], strips[strip + 1], TILE):
+                number = min(strips[strip + 1] - start, TILE)
+                points = borrowed(motion), borrowed(gradient), borrowed(elastic)
+                rows, nodes, found = borrowed(weights), borrowed(firsts), borrowed(sums)
+                for q in range(0, number, LANES):
+                    if number - q >= LANES:
+                        weigh(k, start + q, LANES, q, points[0].x, points[0].y, width, rows, nodes)
+                    else:
+                        weigh(k, start + q, number - q, q, points[0].x, points[0].y, width, rows, nodes)
                 for q in range(number):
-                    p = start + q
-                    i, j = int(x[p]), int(y[p])
-                    ux, uy, cx, cy, l00, l10, _, _, l01, l11, _, _ = sum_fields(
-                        k, packed, i * width + j, width, splines(k, x[p] - i), splines(k, y[p] - j)
-                    )
-                    if with_velocities:
-                        vx[p] = flip * (vx[p] + cx) + (1.0 - flip) * ux
-                        vy[p] = flip * (vy[p] + cy) + (1.0 - flip) * uy
-                        moved_x[p], moved_y[p] = ux - lag_x, uy - lag_y
-                        largest = max(largest, ux * ux + uy * uy)
-                        if not largest >= ux * ux + uy * uy:
-                            largest = np.inf
-                    if with_strains:
-                        tile[q], tile[q + TILE] = factor * l00, factor * l01
-                        tile[q + 2 * TILE], tile[q + 3 * TILE] = factor * l10, factor * l11
-                        if affine > 0.0:
-                            cxx[p], cxy[p], cyx[p], cyy[p] = affine * l00, affine * l01, affine * l10, affine * l11
-                        x[p] += factor * moved_x[p]
-                        y[p] += factor * moved_y[p]
-                if with_strains:
-                    turn_strains(start, number, tile, corotational, exx, eyy, gxy)
-                    if with_stresses:
-                        for p in range(start, start + number):
-                            sxx[p], syy[p], sxy[p] = elastic_stress(exx[p], eyy[p], gxy[p], lam, mu)
-            fastest[strip] = largest
+                    sum_fields(k, packed, firsts[q], width, weights, sums, q)
+                for q in range(0, number, LANES):
+                    if number - q >= LANES:
+                        largest = follow(start + q, LANES, q, update, points, found, largest)
+                    else:
+                        largest = follow(start + q, number - q, q, update, points, found, largest)
+            fastest[strip] = max(apart(largest))
 
     return to_points
 
