@@ -15,6 +15,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from .lanes import LANES, apart, load, same, store
 from .linear_solvers import LinearSolverError
 
 #: side of a block in multiples of l0
@@ -27,6 +28,8 @@ RESIDUAL = 1e-4
 SMOOTH_RESIDUAL = 5e-3
 #: stiffness of the pull towards the start of the solution, over the largest source and over the node's diagonal
 PULL, PULL_OF_DIAGONAL = 1e-4, 1e-6
+#: numbers behind arrays that may be read, several at once, and do not count
+SPARE = 2 * LANES
 #: no row of a stretch has such a neighbour
 NOWHERE = np.iinfo(np.int64).max
 NOT_FOUND = "the phase field of a time step was not found; its equations are too stiff or hold a value that is not finite"
@@ -151,23 +154,31 @@ def _stretches(neighbours):
     return starts[: count + 1].copy(), away[:count].copy()
 
 
-@njit(cache=True)
-def _add_products(one, other, total):
-    for i in range(len(total)):
-        total[i] += one[i] * other[i]
-
-
 @njit(cache=True, parallel=True)
 def _products(starts, away, entries, margin, vector, product):
-    """Products (n,) of rows, whose ``entries`` (s, n) are kept by columns, with a vector between two margins of zeros."""
+    """Products (n,) of rows, whose ``entries`` (s, n + SPARE) are kept by columns, with a vector between two margins of
+    zeros, ``SPARE`` more behind it."""
+    columns = entries.shape[1]
+    flat = entries.reshape(-1)
     for stretch in prange(len(away)):
         first, last = starts[stretch], starts[stretch + 1]
-        total = product[first:last]
-        total[:] = 0.0
+        there, of_entry, count = np.empty(len(entries), np.int64), np.empty(len(entries), np.int64), 0
         for entry in range(len(entries)):
             if away[stretch, entry] != NOWHERE:
-                there = margin + first + away[stretch, entry]
-                _add_products(entries[entry, first:last], vector[there : there + last - first], total)
+                there[count], of_entry[count] = margin + away[stretch, entry], entry * columns
+                count += 1
+        for i in range(first, last, 2 * LANES):
+            one, two = same(0.0), same(0.0)
+            for n in range(count):
+                at, beside = of_entry[n] + i, there[n] + i
+                one = one + load(flat, at, LANES) * load(vector, beside, LANES)
+                two = two + load(flat, at + LANES, LANES) * load(vector, beside + LANES, LANES)
+            if i + 2 * LANES <= last:
+                store(product, i, LANES, one)
+                store(product, i + LANES, LANES, two)
+            else:
+                store(product, i, last - i, one)
+                store(product, i + LANES, last - i - LANES, two)
 
 
 @njit(cache=True)
@@ -195,13 +206,34 @@ def _within(residual, allowed):
 
 @njit(cache=True)
 def _entries(neighbours, values):
-    """Entries (s, n) by columns; zero where there is no neighbour."""
+    """Entries (s, n + SPARE) by columns; zero where there is no neighbour."""
     n, s = values.shape
-    entries = np.empty((s, n))
+    entries = np.zeros((s, n + SPARE))
     for i in range(n):
         for entry in range(s):
             entries[entry, i] = values[i, entry] if neighbours[i, entry] < n else 0.0
     return entries
+
+
+@njit(forceinline=True)
+def _go_on_at(i, left, step, direction, product, scale, solution, residual, scaled):
+    store(solution, i, left, load(solution, i, left) + step * load(direction, i, left))
+    rest = load(residual, i, left) - step * load(product, i, left)
+    store(residual, i, left, rest)
+    of_scale = rest * load(scale, i, left)
+    store(scaled, i, left, of_scale)
+    return rest * of_scale
+
+
+@njit(cache=True)
+def _go_on(step, direction, product, scale, solution, residual, scaled):
+    """A step of the solution; the residual, and the same scaled, after it; the sum of products of these two."""
+    total, fours = same(0.0), len(solution) // LANES * LANES
+    for i in range(0, fours, LANES):
+        total = total + _go_on_at(i, LANES, step, direction, product, scale, solution, residual, scaled)
+    total = total + _go_on_at(fours, len(solution) - fours, step, direction, product, scale, solution, residual, scaled)
+    a, b, c, d = apart(total)
+    return (a + b) + (c + d)
 
 
 @njit(cache=True)
@@ -210,7 +242,7 @@ def _solve_rows(neighbours, values, diagonal, right_side, pull, allowed, solutio
     starts, away = _stretches(neighbours)
     margin = max(0, np.where(away == NOWHERE, 0, np.abs(away)).max())
     entries = _entries(neighbours, values)
-    padded, product = np.zeros(n + 2 * margin), np.empty(n)
+    padded, product = np.zeros(n + 2 * margin + SPARE), np.empty(n)
     direction = padded[margin : margin + n]
     residual, scale, scaled = right_side.copy(), np.empty(n), np.empty(n)
     for i in range(n):
@@ -228,11 +260,7 @@ def _solve_rows(neighbours, values, diagonal, right_side, pull, allowed, solutio
         step = old / _dot(direction, product)
         if not np.isfinite(step):
             return -1
-        for i in range(n):
-            solution[i] += step * direction[i]
-            residual[i] -= step * product[i]
-            scaled[i] = residual[i] * scale[i]
-        new = _dot(residual, scaled)
+        new = _go_on(step, direction, product, scale, solution, residual, scaled)
         ratio, old = new / old, new
         for i in range(n):
             direction[i] = scaled[i] + ratio * direction[i]

@@ -77,7 +77,7 @@ class PointPhaseField:
     def _map_to_points(self, nodal: NodalPhaseField, history: NDArray, now: float) -> None:
         order, strips, over_h = self._body.lattice.order, self._body.window.strips, 1.0 / self._body.lattice.h
         p, law = self._body.points, self._law
-        phase_field_kernels.to_points(order, strips, p.motion, history, law, over_h, nodal, now, p.crack)
+        phase_field_kernels.loops(order).to_points(strips, p.motion, history, law, over_h, nodal, now, p.crack)
         if self._breakable is not None:
             whole = ~self._breakable[p.number]
             p.crack.c[whole], p.crack.energy[whole], p.crack.broken_at[whole] = 1.0, 0.0, np.nan
@@ -146,7 +146,8 @@ class PointPhaseField:
         matter = p.matter
         if self._breakable is not None:
             matter = matter._replace(volume=np.where(self._breakable[p.number], 1.0, TOUGHER) * matter.volume)
-        phase_field_kernels.add_points(order, window.strips, p.motion, matter, history, self._law, over_h, equations)
+        loops = phase_field_kernels.loops(order)
+        loops.add_points(window.strips, p.motion, matter, history, self._law, over_h, equations)
         if self._law.bending:
             phase_field_kernels.add_curvature_terms(
                 order, window.strips, p.motion, matter, p.axes, self._law, over_h, equations

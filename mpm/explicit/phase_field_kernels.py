@@ -6,13 +6,16 @@ those of ``mpm.explicit.transfers``; ``over_h`` is one over the spacing.
 
 from __future__ import annotations
 
+from functools import cache
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from mpm.explicit.cell_splines import basis, second_derivatives
+from mpm.explicit.cell_splines import ROUNDED, basis, second_derivatives
+from numerics.lanes import LANES, load, store
 from physics.phase_field import breaks_now, crack_density, expected_change
 
 
@@ -50,70 +53,125 @@ class NodalPhaseField(NamedTuple):
     values: NDArray
 
 
-@njit(cache=True, parallel=True)
-def add_points(order, strips, motion, matter, history, law, over_h, equations):
-    """Sum up the equations over the points without the fourth-order term; ``history`` (n,) is their history field."""
-    x, y, volume = motion.x, motion.y, matter.volume
-    drive, resistance, diffusion = law.drive, law.resistance, law.diffusion
-    width, number, local, right_side = equations
-    k = order + 1
-    for colour in range(2):
-        for half in prange((len(strips) - colour) // 2):
-            strip = 2 * half + colour
+@njit
+def _pairs(k):
+    """Numbers (k, k) of the unordered pairs of the functions of one direction."""
+    pair, count = np.empty((k, k), np.int64), 0
+    for a in range(k):
+        for b in range(a, k):
+            pair[a, b] = pair[b, a] = count
+            count += 1
+    return pair
+
+
+@njit
+def _places(k, row):
+    """Where the entries of a cell's upper half stand among the products of pairs, with so many numbers in a ``row``."""
+    pair, places, entry = _pairs(k), np.empty(k * k * (k * k + 1) // 2, np.int64), 0
+    for a in range(k * k):
+        for b in range(a, k * k):
+            places[entry] = pair[a // k, b // k] * row + pair[a % k, b % k]
+            entry += 1
+    return places
+
+
+@njit
+def _cell_of(p, end, x, y, width, number):
+    """Number of a point's cell, -1 where it takes no part or the points are at their end."""
+    return int(number[int(x[p]) * width + int(y[p])]) if p < end else -1
+
+
+def _add_points(k):
+    @njit(cache=True, parallel=True, fastmath=ROUNDED)
+    def add_points(strips, motion, matter, history, law, over_h, equations):
+        """Sum up the equations over points without the fourth-order term; ``history`` (n,) is their history field.
+
+        An entry is a sum of products of a pair of functions in x and one in y, and there are few pairs: points of one
+        cell that follow one another are summed up over the products of pairs first.
+        """
+        x, y, volume = motion.x, motion.y, matter.volume
+        drive, resistance, diffusion = law.drive, law.resistance, law.diffusion
+        width, number, local, right_side = equations
+        n_pairs = k * (k + 1) // 2
+        row = (n_pairs + LANES - 1) // LANES * LANES
+        for colour in range(2):
+            for half in prange((len(strips) - colour) // 2):
+                strip = 2 * half + colour
+                wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+                across, steep, along, flat = np.empty(n_pairs), np.empty(n_pairs), np.zeros(row), np.zeros(row)
+                sums, places, last = np.zeros(n_pairs * row), _places(k, row), -1
+                for p in range(strips[strip], strips[strip + 1] + 1):
+                    cell = _cell_of(p, strips[strip + 1], x, y, width, number)
+                    if cell != last:
+                        if last >= 0:
+                            for entry in range(len(places)):
+                                local[last, entry] += sums[places[entry]]
+                        sums[:] = 0.0
+                        last = cell
+                    if cell < 0:
+                        continue
+                    basis(k, x[p] - int(x[p]), wx, dx)
+                    basis(k, y[p] - int(y[p]), wy, dy)
+                    source = resistance * volume[p]
+                    mass = drive * history[p] * volume[p] + source
+                    stiffness = diffusion * volume[p] * over_h * over_h
+                    pair = 0
+                    for a in range(k):
+                        for b in range(a, k):
+                            across[pair], steep[pair] = wx[a] * wx[b], dx[a] * dx[b]
+                            flat[pair] = stiffness * wy[a] * wy[b]
+                            along[pair] = mass * wy[a] * wy[b] + stiffness * dy[a] * dy[b]
+                            pair += 1
+                    for pair in range(n_pairs):
+                        for first in range(0, row, LANES):
+                            place = pair * row + first
+                            total = load(sums, place, LANES) + across[pair] * load(along, first, LANES)
+                            store(sums, place, LANES, total + steep[pair] * load(flat, first, LANES))
+                    for a in range(k):
+                        for b in range(k):
+                            right_side[cell, a * k + b] += source * wx[a] * wy[b]
+
+    return add_points
+
+
+def _to_points(k):
+    @njit(cache=True, parallel=True)
+    def to_points(strips, motion, history, law, over_h, nodal, now, crack):
+        """Phase field, energy of cracks (Eq. 2.46) and time of breaking of the points in the cells inside."""
+        x, y = motion.x, motion.y
+        c, energy, solved_for, broken_at = crack.c, crack.energy, crack.solved_for, crack.broken_at
+        toughness, length_scale = law.toughness, law.length_scale
+        width, inside, values = nodal
+        for strip in prange(len(strips) - 1):
             wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-            value, slope_x, slope_y = np.empty(k * k), np.empty(k * k), np.empty(k * k)
             for p in range(strips[strip], strips[strip + 1]):
                 i, j = int(x[p]), int(y[p])
-                cell = number[i * width + j]
-                if cell < 0:
+                if not inside[i * width + j]:
                     continue
                 basis(k, x[p] - i, wx, dx)
                 basis(k, y[p] - j, wy, dy)
+                value = cx = cy = 0.0
                 for a in range(k):
+                    first = (i + a) * width + j
                     for b in range(k):
-                        value[a * k + b] = wx[a] * wy[b]
-                        slope_x[a * k + b], slope_y[a * k + b] = dx[a] * wy[b], wx[a] * dy[b]
-                source = resistance * volume[p]
-                mass = drive * history[p] * volume[p] + source
-                stiffness = diffusion * volume[p] * over_h * over_h
-                entry = 0
-                for a in range(k * k):
-                    n, gx, gy = mass * value[a], stiffness * slope_x[a], stiffness * slope_y[a]
-                    right_side[cell, a] += source * value[a]
-                    for b in range(a, k * k):
-                        local[cell, entry] += n * value[b] + gx * slope_x[b] + gy * slope_y[b]
-                        entry += 1
+                        value += wx[a] * wy[b] * values[first + b]
+                        cx += dx[a] * wy[b] * values[first + b]
+                        cy += wx[a] * dy[b] * values[first + b]
+                c[p] = value
+                squared = (cx * cx + cy * cy) * over_h * over_h
+                energy[p] = toughness * crack_density(value, squared, length_scale)
+                solved_for[p] = history[p]
+                if breaks_now(value, broken_at[p]):
+                    broken_at[p] = now
+
+    return to_points
 
 
-@njit(cache=True, parallel=True)
-def to_points(order, strips, motion, history, law, over_h, nodal, now, crack):
-    """Phase field, energy of cracks (Eq. 2.46) and time of breaking of the points in the cells inside."""
-    x, y = motion.x, motion.y
-    c, energy, solved_for, broken_at = crack.c, crack.energy, crack.solved_for, crack.broken_at
-    toughness, length_scale = law.toughness, law.length_scale
-    width, inside, values = nodal
-    k = order + 1
-    for strip in prange(len(strips) - 1):
-        wx, dx, wy, dy = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-        for p in range(strips[strip], strips[strip + 1]):
-            i, j = int(x[p]), int(y[p])
-            if not inside[i * width + j]:
-                continue
-            basis(k, x[p] - i, wx, dx)
-            basis(k, y[p] - j, wy, dy)
-            value = cx = cy = 0.0
-            for a in range(k):
-                first = (i + a) * width + j
-                for b in range(k):
-                    value += wx[a] * wy[b] * values[first + b]
-                    cx += dx[a] * wy[b] * values[first + b]
-                    cy += wx[a] * dy[b] * values[first + b]
-            c[p] = value
-            squared = (cx * cx + cy * cy) * over_h * over_h
-            energy[p] = toughness * crack_density(value, squared, length_scale)
-            solved_for[p] = history[p]
-            if breaks_now(value, broken_at[p]):
-                broken_at[p] = now
+@cache
+def loops(order: int) -> SimpleNamespace:
+    """Compiled loops between points and cells for splines of an order, by their names: known when they are compiled, the
+    number of functions makes them faster."""
+    return SimpleNamespace(add_points=_add_points(order + 1), to_points=_to_points(order + 1))
 
 
 @njit(cache=True, parallel=True)
