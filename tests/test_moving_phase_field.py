@@ -17,6 +17,9 @@ from moving_plate import (
 )
 
 from mpm import MaterialPoints
+from mpm.explicit.cell_splines import splines
+from mpm.explicit.phase_field_kernels import CellEquations, PhaseFieldLaw, loops
+from mpm.explicit.points import Matter, PointMotion
 from mpm.explicit.solver import ExplicitMaterialPoints
 from numerics.phase_field_window import conjugate_gradients
 
@@ -131,3 +134,35 @@ def test_a_window_without_a_node_of_its_own_has_nothing_to_solve():
         np.zeros((0, 9), np.int32), np.zeros((0, 9)), np.zeros(0, np.int64), nothing, nothing, 1e-4
     )
     assert len(correction) == iterations == 0
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_equations_of_cells_are_sums_over_their_points(order):
+    k, width, random = order + 1, 12, np.random.default_rng(order)
+    # two strips of points in no order, the cells between them empty; some of the cells take no part
+    x, y = np.concatenate([random.uniform(0.0, 3.0, 30), random.uniform(4.0, 7.0, 30)]), random.uniform(0.0, 4.0, 60)
+    volume, history = random.uniform(0.5, 1.0, (2, 60))
+    zero = np.zeros(60)
+    number = np.full(10 * width, -1, np.int32)
+    taking_part = [i * width + j for i in range(8) for j in range(3)]
+    number[taking_part] = np.arange(len(taking_part))
+    equations = CellEquations(
+        width, number, np.zeros((len(taking_part), k * k * (k * k + 1) // 2)), np.zeros((len(taking_part), k * k))
+    )
+    law = PhaseFieldLaw(2.0, 3.0, 5.0, 0.0, 1.0, 1.0, np.zeros((3, 3)))
+    loops(order).add_points(
+        np.array([0, 30, 60]), PointMotion(x, y, zero, zero, zero, zero), Matter(zero, volume, zero, zero), history, law,
+        0.5, equations,
+    )  # fmt: skip
+    matrices, right_sides = np.zeros((len(taking_part), k * k, k * k)), np.zeros((len(taking_part), k * k))
+    for p in range(60):
+        cell = number[int(x[p]) * width + int(y[p])]
+        if cell >= 0:
+            (wx, dx), (wy, dy) = (splines(k, place - int(place)) for place in (x[p], y[p]))
+            value, slope_x, slope_y = (np.outer(a[:k], b[:k]).ravel() for a, b in ((wx, wy), (dx, wy), (wx, dy)))
+            mass = (2.0 * history[p] + 3.0) * volume[p] * np.outer(value, value)
+            slopes = np.outer(slope_x, slope_x) + np.outer(slope_y, slope_y)
+            matrices[cell] += mass + 5.0 * volume[p] * 0.25 * slopes
+            right_sides[cell] += 3.0 * volume[p] * value
+    np.testing.assert_allclose(equations.local, [matrix[np.triu_indices(k * k)] for matrix in matrices], atol=1e-13)
+    np.testing.assert_allclose(equations.right_side, right_sides, atol=1e-13)
