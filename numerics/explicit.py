@@ -27,7 +27,9 @@ class Balance:
     """Energies [energy] and momentum (2,) [force time] of a moving discretisation.
 
     ``external_work`` is that of tractions, gravity, the moving frame, damping and prescribed motions since the start;
-    ``external_power`` is its present rate; ``contact_work`` is that of friction between the bodies, at most zero.
+    ``external_power`` is its present rate. ``contact_work`` is that of contact between the bodies, ``friction_work`` the
+    part of friction in it. ``transfer_work`` is what kinetic energy loses where velocities go from points to nodes and
+    back; without points there is none.
     """
 
     elastic: float
@@ -37,6 +39,8 @@ class Balance:
     external_power: float
     contact_work: float
     momentum: tuple[float, float]
+    friction_work: float = 0.0
+    transfer_work: float = 0.0
 
     @property
     def total(self) -> float:
@@ -135,6 +139,8 @@ class Instant:
             "newton": 0,
             "seconds": round(self.seconds, 6),
             "W_contact": balance.contact_work,
+            "W_friction": balance.friction_work,
+            "W_transfer": balance.transfer_work,
             "momentum_x": balance.momentum[0],
             "momentum_y": balance.momentum[1],
             **self.columns,

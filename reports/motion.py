@@ -26,6 +26,7 @@ ENERGIES = {
     "E_kin": "kinetic",
     "W_ext": "work of external forces",
     "W_contact": "work of contact",
+    "W_transfer": "lost from points to nodes and back",
 }
 #: share of the Rayleigh speed that cracks rarely exceed (Ravi-Chandar and Knauss 1984)
 EXPERIMENTAL_SHARE = 0.6
@@ -67,7 +68,8 @@ def energies(results: CaseResults, folder: Path) -> style.Drawing | None:
     return style.drawing(
         figure, folder, "energies", "Energies over time",
         "Energies of the whole body or of all bodies. The balance is elastic + fracture + kinetic energy, less what "
-        f"there was at the start and what external forces and contact did; at most {said} of the energy given.",
+        f"there was at the start and what external forces and contact did; at most {said} of the energy given. What "
+        "material points lose where velocities go to the nodes and back is part of what is missing.",
         style.table_of(runs, ("time", *ENERGIES)),
     )
 

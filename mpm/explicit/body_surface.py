@@ -60,6 +60,7 @@ def find_normals(first, second, first_holds, second_holds, touching, count):
         touching.nodes[0, kept], touching.nodes[1, kept] = a, b
         touching.normal[0, kept], touching.normal[1, kept] = x, y
         touching.gap[kept] = touching.offset[0, kept] = touching.offset[1, kept] = 0.0
+        touching.pushes[kept] = touching.drags[kept] = 0.0
         touching.opposed[kept] = ax * bx + ay * by <= 0.0
         first.normal_x[a], first.normal_y[a] = x, y
         second.normal_x[b], second.normal_y[b] = -x, -y

@@ -16,7 +16,8 @@ from mpm.explicit.listed_arrays import Touching
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.rigid_body import BodyOfKeptVelocity
 from mpm.explicit.rigid_contact import RigidSide, count_impulses, press, rigid_side
-from mpm.explicit.window import GridWindow
+from mpm.explicit.transfers import before_step
+from mpm.explicit.window import GridWindow, NodeVelocities
 
 #: relative round-off allowed in the checks C.1 to C.4
 ROUND_OFF = 1e-9
@@ -33,21 +34,19 @@ class ContactSide(NamedTuple):
     its velocity."""
 
     mass: NDArray
-    vx: NDArray
-    vy: NDArray
+    velocities: NodeVelocities
     number: int
     keeps_velocity: bool
 
     @classmethod
     def of(cls, number: int, body: MovingBody) -> ContactSide:
         """The body of a number as it is now."""
-        velocities = body.window.velocities
-        return cls(body.window.sums.m, velocities.vx, velocities.vy, number, body.keeps_velocity)
+        return cls(body.window.sums.m, body.window.velocities, number, body.keeps_velocity)
 
 
 class ContactSums(NamedTuple):
-    """Since the start: impulse (n_bodies, 2) on each body, work (2,) of friction on all and of what moves bodies that
-    keep their velocity, and numbers (5,) of nodes as `COUNTERS`."""
+    """Since the start: impulse (n_bodies, 2) on each body, work (3,) of friction and of pressure on all and of what moves
+    bodies that keep their velocity, and numbers (5,) of nodes as `COUNTERS`."""
 
     impulse: NDArray
     work: NDArray
@@ -184,8 +183,8 @@ class Contact:
 
     Attributes
     ----------
-    work : of friction on all bodies together since the start, at most zero [energy]. The normal forces' is left to the
-        balance of energy: what a step takes on the grid, FLIP gives back to the points.
+    work, work_of_friction : of contact on all bodies together since the start, and its tangential part [energy]. It is
+        what impulses do on the mean of the relative velocities with which the bodies go before and after the step.
     pairs : of bodies that may touch, of which one does not keep its velocity.
     impulse : (n_bodies, 2) that contact has given to each body since the start [force time].
     violations : numbers of nodes by the names of `COUNTERS`.
@@ -200,7 +199,7 @@ class Contact:
             Pair(case, a, b, bodies) for a, b in pairs if not (bodies[a].keeps_velocity and bodies[b].keeps_velocity)
         ]
         self.sweeps = 1 if len(bodies) == 2 else SWEEPS
-        self.sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(2), np.zeros(len(COUNTERS), np.int64))
+        self.sums = ContactSums(np.zeros((len(bodies), 2)), np.zeros(3), np.zeros(len(COUNTERS), np.int64))
         kept = [body.velocity if isinstance(body, BodyOfKeptVelocity) else np.zeros(2) for body in bodies]
         self.kept_velocities = np.array(kept)
         self.floor_load, self._last_floor_load = FloorLoad.nowhere(), FloorLoad.nowhere()
@@ -208,12 +207,17 @@ class Contact:
     @property
     def work(self) -> float:
         """See above."""
+        return float(self.sums.work[0] + self.sums.work[1])
+
+    @property
+    def work_of_friction(self) -> float:
+        """See above."""
         return float(self.sums.work[0])
 
     @property
     def work_of_rigid(self) -> float:
         """What moves bodies that keep their velocity gives as much as they hand on, since the start [energy]."""
-        return float(self.sums.work[1])
+        return float(self.sums.work[2])
 
     @property
     def impulse(self) -> NDArray:
@@ -238,6 +242,7 @@ class Contact:
             find_gaps(first, second, 1.0, pair.touching, 0)
             pair.count = 0
             self._meet(pair, 1.0)
+            count_work(*pair.sides(), pair.touching, 0, self.sums.work)
             check_impenetrability(*pair.sides(), pair.touching, 0, 1.0, self.sums.counts)
 
     def detect(self) -> None:
@@ -253,8 +258,6 @@ class Contact:
         """Correct the nodes' velocities by the contact forces (Eqs. 6.28 to 6.40)."""
         touching = [pair for pair in self.pairs if pair.count]
         rigid = [pair for pair in touching if pair.is_free_rigid]
-        for pair in rigid:
-            pair.touching.pushes[: pair.count] = pair.touching.drags[: pair.count] = 0.0
         for sweep in range(MOST_SWEEPS):
             moved = [self._press(pair, step) for pair in rigid]
             for pair in touching:
@@ -262,12 +265,14 @@ class Contact:
                     self._meet(pair, step)
             if sweep + 1 >= self.sweeps and (len(touching) == 1 or not any(moved)):
                 break
-        for pair in rigid:
-            self._count_impulses(pair, step)
-        if self.sweeps > 1:
-            for pair in touching:
-                if not pair.is_free_rigid:
-                    check_impenetrability(*pair.sides(), pair.touching, pair.count, step, self.sums.counts)
+        for pair in touching:
+            if pair.is_free_rigid:
+                self._count_impulses(pair, step)
+            else:
+                count_work(*pair.sides(), pair.touching, pair.count, self.sums.work)
+            self._load_floor(pair)
+            if self.sweeps > 1 and not pair.is_free_rigid:
+                check_impenetrability(*pair.sides(), pair.touching, pair.count, step, self.sums.counts)
 
     def _press(self, pair: Pair, step: float) -> bool:
         """Solve for the impulses of a pair with a free rigid body; whether they have changed."""
@@ -276,13 +281,11 @@ class Contact:
 
     def _meet(self, pair: Pair, step: float) -> None:
         meet(*pair.sides(), pair.touching, pair.count, step, pair.friction, self.kept_velocities, self.sums)
-        self._load_floor(pair)
 
     def _count_impulses(self, pair: Pair, step: float) -> None:
         count_impulses(
             *pair.rigid_sides(), pair.touching, pair.count, step, pair.friction, self.kept_velocities, self.sums
         )  # fmt: skip
-        self._load_floor(pair)
 
     def _load_floor(self, pair: Pair) -> None:
         if pair.on_floor:
@@ -328,7 +331,7 @@ class Contact:
 
 @njit(cache=True)
 def load_floor(touching, count, first, width, push):
-    """Add the last impulses to those of the columns of nodes (n,), of which the window's first one has a number."""
+    """Add the step's impulses to those of the columns of nodes (n,), of which the window's first one has a number."""
     for n in range(count):
         column = first + touching.nodes[0, n] // width
         push[column] = (0.0 if np.isnan(push[column]) else push[column]) + touching.pushes[n]
@@ -353,25 +356,45 @@ def share_nodes(mass_a, width_a, corner_a, mass_b, width_b, corner_b, extent, no
 @njit(cache=True)
 def check_impenetrability(first, second, touching, count, step, counts):
     """C.3 once more: another pair may have pushed this one together again."""
+    one, two = first.velocities, second.velocities
     for n in range(count):
         a, b = touching.nodes[0, n], touching.nodes[1, n]
         nx, ny = touching.normal[0, n], touching.normal[1, n]
-        approach = (first.vx[a] - second.vx[b]) * nx + (first.vy[a] - second.vy[b]) * ny
-        speed = np.hypot(first.vx[a], first.vy[a]) + np.hypot(second.vx[b], second.vy[b])
+        approach = (one.vx[a] - two.vx[b]) * nx + (one.vy[a] - two.vy[b]) * ny
+        speed = np.hypot(one.vx[a], one.vy[a]) + np.hypot(two.vx[b], two.vy[b])
         counts[3] += approach > max(touching.gap[n], 0.0) / step + LEFT_BY_OTHERS * speed
+
+
+@njit(inline="always")
+def _mean_velocity(side, node):
+    """Of those with which a side's node goes before and after the step."""
+    v = side.velocities
+    if side.keeps_velocity:
+        return v.vx[node], v.vy[node]
+    x, y = before_step(v.last_x[node], v.old_x[node]), before_step(v.last_y[node], v.old_y[node])
+    return 0.5 * (v.vx[node] + x), 0.5 * (v.vy[node] + y)
+
+
+@njit(cache=True)
+def count_work(first, second, touching, count, work):
+    """Add the work (2,) of the step's friction and pressure on both bodies."""
+    for n in range(count):
+        (ax, ay), (bx, by) = _mean_velocity(first, touching.nodes[0, n]), _mean_velocity(second, touching.nodes[1, n])
+        nx, ny, x, y = touching.normal[0, n], touching.normal[1, n], ax - bx, ay - by
+        work[0] -= touching.drags[n] * (y * nx - x * ny)
+        work[1] -= touching.pushes[n] * (x * nx + y * ny)
 
 
 @njit(cache=True)
 def meet(first, second, touching, count, step, friction, kept_velocities, sums):
-    """Impulses between two bodies at their shared nodes, and the checks of Algorithm 3.
+    """Add impulses between two bodies at their shared nodes to ``touching``; the checks of Algorithm 3.
 
     ``first, second`` : `ContactSide`. A gap may close within the step.
     """
-    _, vxa, vya, number_a, _ = first
-    _, vxb, vyb, number_b, _ = second
-    total_x = total_y = work = 0.0
+    vxa, vya, number_a = first.velocities.vx, first.velocities.vy, first.number
+    vxb, vyb, number_b = second.velocities.vx, second.velocities.vy, second.number
+    total_x = total_y = 0.0
     for n in range(count):
-        touching.pushes[n] = 0.0
         a, b = touching.nodes[0, n], touching.nodes[1, n]
         nx, ny, allowed = touching.normal[0, n], touching.normal[1, n], max(touching.gap[n], 0.0) / step
         rx, ry = vxa[a] - vxb[b], vya[a] - vyb[b]
@@ -382,10 +405,11 @@ def meet(first, second, touching, count, step, friction, kept_velocities, sums):
         inverse_b = 0.0 if second.keeps_velocity else 1.0 / second.mass[b]
         reduced = 1.0 / (inverse_a + inverse_b)
         push = reduced * approach  # Eqs. 6.32, 6.35, times the step
-        touching.pushes[n] = push
+        touching.pushes[n] += push
         slip = -rx * ny + ry * nx
         stick = reduced * slip  # Eq. 6.37
         drag = min(friction * push, abs(stick)) * np.sign(stick)  # Eq. 6.38
+        touching.drags[n] += drag
         jx, jy = push * nx - drag * ny, push * ny + drag * nx  # Eq. 6.39
         before = vxa[a], vya[a], vxb[b], vyb[b]
         vxa[a] -= inverse_a * jx
@@ -394,7 +418,6 @@ def meet(first, second, touching, count, step, friction, kept_velocities, sums):
         vyb[b] += inverse_b * jy
         total_x += jx
         total_y += jy
-        work -= drag * (slip - drag * (inverse_a + inverse_b))
         after = vxa[a], vya[a], vxb[b], vyb[b]
         sums.counts[0] += 1
         sums.counts[1] += not touching.opposed[n]
@@ -407,8 +430,7 @@ def meet(first, second, touching, count, step, friction, kept_velocities, sums):
         sums.counts[4] += slides and abs(abs(drag) - friction * push) > ROUND_OFF * push
     given = total_x * kept_velocities[number_a, 0] + total_y * kept_velocities[number_a, 1]
     given -= total_x * kept_velocities[number_b, 0] + total_y * kept_velocities[number_b, 1]
-    sums.work[0] += work
-    sums.work[1] += given
+    sums.work[2] += given
     sums.impulse[number_a, 0] -= total_x
     sums.impulse[number_a, 1] -= total_y
     sums.impulse[number_b, 0] += total_x

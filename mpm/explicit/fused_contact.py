@@ -15,6 +15,7 @@ from mpm.explicit.contact import (
     ContactSide,
     ContactSums,
     check_impenetrability,
+    count_work,
     load_floor,
     meet,
     share_nodes,
@@ -97,7 +98,7 @@ class ContactState(NamedTuple):
 @njit
 def _side(bodies, n):
     nodes = group(VELOCITIES, bodies.arrays, n)
-    return ContactSide(group(SUMS, bodies.arrays, n).m, nodes.vx, nodes.vy, n, bodies.whole[n, KIND] == KEPT)
+    return ContactSide(group(SUMS, bodies.arrays, n).m, nodes, n, bodies.whole[n, KIND] == KEPT)
 
 
 @njit
@@ -106,8 +107,8 @@ def _rigid_side(bodies, n, h):
     for part in range(2):
         centre[part] = bodies.rigid[n, PLACE, part] - bodies.numbers[n, FIRST_NODE + part]
     return RigidSide(
-        bodies.whole[n, KIND], group(SUMS, bodies.arrays, n).m, nodes.vx, nodes.vy, bodies.rigid[n, VELOCITY], centre,
-        bodies.rigid[n, INVERSES], h, bodies.whole[n, WIDTH], n,
+        bodies.whole[n, KIND], group(SUMS, bodies.arrays, n).m, nodes, bodies.rigid[n, VELOCITY], bodies.rigid[n, BEFORE],
+        centre, bodies.rigid[n, INVERSES], h, bodies.whole[n, WIDTH], n,
     )  # fmt: skip
 
 
@@ -182,6 +183,15 @@ def meet_pair(bodies, pairs, n, step, contact):
     if count > 0:
         first, second = _side(bodies, pairs.whole[n, BODIES]), _side(bodies, pairs.whole[n, BODIES + 1])
         meet(first, second, touching, count, step, pairs.friction[n], bodies.kept_velocities, contact.sums)
+
+
+@njit
+def count_pair(bodies, pairs, n, contact):
+    """Count what two bodies that are not free and rigid have done to each other in the step."""
+    count, touching = pairs.counts[n], group(TOUCHING, pairs.arrays, n)
+    if count > 0:
+        first, second = _side(bodies, pairs.whole[n, BODIES]), _side(bodies, pairs.whole[n, BODIES + 1])
+        count_work(first, second, touching, count, contact.sums.work)
         _load_floor(bodies, pairs, n, touching, contact)
 
 
@@ -199,10 +209,6 @@ def exchange(bodies, pairs, h, step, sweeps, contact):
     touching = 0
     for n in range(len(pairs.counts)):
         touching += pairs.counts[n] > 0
-        pushed = group(TOUCHING, pairs.arrays, n)
-        if pairs.whole[n, IS_FREE_RIGID] == 1:
-            for i in range(pairs.counts[n]):
-                pushed.pushes[i] = pushed.drags[i] = 0.0
     for sweep in range(MOST_SWEEPS):
         moved = False
         for n in range(len(pairs.counts)):
@@ -232,5 +238,7 @@ def _finish(bodies, pairs, n, h, step, sweeps, contact):
         first, second = _rigid_side(bodies, one, h), _rigid_side(bodies, two, h)
         count_impulses(first, second, touching, count, step, pairs.friction[n], bodies.kept_velocities, contact.sums)
         _load_floor(bodies, pairs, n, touching, contact)
-    elif sweeps > 1:
+        return
+    count_pair(bodies, pairs, n, contact)
+    if sweeps > 1:
         check_impenetrability(_side(bodies, one), _side(bodies, two), touching, count, step, contact.sums.counts)

@@ -28,6 +28,7 @@ from mpm.explicit.fused_contact import (
     UNMAPPED,
     VELOCITY,
     WIDTH,
+    count_pair,
     detect,
     exchange,
     meet_pair,
@@ -36,7 +37,7 @@ from mpm.explicit.listed_arrays import ELASTIC, GRADIENT, MATTER, MOTION, SORTIN
 from mpm.explicit.prescribed import hold
 from mpm.explicit.rigid_body import put_points
 from mpm.explicit.rigid_contact import FREE, KEPT, OWN_MASS
-from mpm.explicit.transfers import DRIFT, PointUpdate, carried, transfers, trial_velocities
+from mpm.explicit.transfers import DRIFT, PointUpdate, carried, transfers, trial_velocities, work_on_nodes
 
 #: what meets: nothing, two bodies of which none is free and rigid, any bodies
 ALONE, PAIR, MANY = range(3)
@@ -109,6 +110,7 @@ def momentum_to_velocities(bodies, body):
     for node in range(len(m)):
         over = 1.0 / m[node] if m[node] > 0.0 else 0.0
         velocities.vx[node], velocities.vy[node] = fields[4 * node] * over, fields[4 * node + 1] * over
+        velocities.last_x[node], velocities.last_y[node] = velocities.vx[node], velocities.vy[node]
 
 
 @njit
@@ -147,8 +149,14 @@ def carried_by(bodies, body, moved):
 
 @njit
 def count_work(bodies, accelerates, step, acceleration, damping, impulses, velocities, work):
-    """Outer work and power (2,) of lines, damping and frame; lets the middle of each body go with its mean velocity."""
-    damped, given = 0.0, 0.0
+    """Outer work and power of lines, damping and frame, and work on nodes (3,); lets the middle of each body go with its
+    mean velocity."""
+    damped, given, on_nodes = 0.0, 0.0, 0.0
+    for body in range(len(bodies.whole)):
+        if bodies.whole[body, KIND] == OWN_MASS:
+            mass = group(SUMS, bodies.arrays, body).m
+            on_nodes += work_on_nodes(bodies.whole[body, WIDTH], mass, group(VELOCITIES, bodies.arrays, body))
+    work[2] += on_nodes
     for n in range(len(impulses)):
         given += impulses[n] * velocities[n]
     moved = np.empty((len(bodies.whole), 6))
@@ -283,7 +291,8 @@ def _steps(k, meeting):
     def steps(bodies, pairs, contact, lines, driving, scheme, step, work):
         """Take steps until all are done, points are to be sorted anew, or a line has lost its body.
 
-        Returns the number of steps done, and the line or `NO_LINE`. ``work`` (2,) takes outer work and its power.
+        Returns the number of steps done, and the line or `NO_LINE`. ``work`` (3,) takes outer work, its power and that on
+        nodes.
         """
         impulses, last = np.zeros(len(lines.whole)), len(driving.damping)
         for n in range(last):
@@ -304,6 +313,7 @@ def _steps(k, meeting):
                     detect(k, bodies, pairs, scheme.h, scheme.by_distance)
                     if meeting == PAIR:
                         meet_pair(bodies, pairs, 0, step, contact)
+                        count_pair(bodies, pairs, 0, contact)
                     else:
                         exchange(bodies, pairs, scheme.h, step, scheme.sweeps, contact)
                 lost = hold_lines(k - 1, bodies, lines, driving.lines, n, impulses)

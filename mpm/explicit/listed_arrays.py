@@ -37,7 +37,7 @@ class Touching(NamedTuple):
     ``nodes`` (2, m) in each body's window; ``normal`` (2, m) outwards of the first body, ``gap`` (m,) along it,
     ``offset`` (2, m) from the node to where a free rigid body meets the other, 0 where no gap is measured [length];
     ``opposed`` (m,) where the bodies' own normals oppose each other, as those of two that meet do (C.1); ``pushes`` (m,)
-    and ``drags`` (m,) are the normal and tangential impulses of the last meeting [force time].
+    and ``drags`` (m,) are the normal and tangential impulses of the step [force time].
     """
 
     nodes: NDArray

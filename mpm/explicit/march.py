@@ -60,7 +60,7 @@ class March:
     def go(self, times: NDArray, size: float, work: NDArray) -> int:
         """Take some of the steps that begin at times (n,), at least one, and tell how many.
 
-        ``work`` (2,) takes the work from outside and its power in the last step. Raises BlewUpError.
+        ``work`` (3,) takes the work from outside, its power in the last step, and that on the nodes. Raises BlewUpError.
         """
         if self._error is not None:
             raise self._error

@@ -14,7 +14,7 @@ from cases.bodies import Body
 from mpm.explicit.body_motion import BodyMotion
 from mpm.explicit.points import Points
 from mpm.explicit.stresses import BodyLaw, degraded_stresses, elastic_stresses
-from mpm.explicit.transfers import DRIFT, PointUpdate, carried, transfers, trial_velocities
+from mpm.explicit.transfers import DRIFT, PointUpdate, carried, transfers, trial_velocities, work_on_nodes
 from mpm.explicit.window import GridWindow, Lattice
 from mpm.grid import GridError
 from mpm.placement import PointCloud
@@ -100,7 +100,9 @@ class MovingBody:
 
     def sort(self) -> None:
         """Put the window around the points and sort them by columns of cells; list the strips."""
-        self._put_window(self.window.corner)
+        before = self.window
+        self._put_window(before.corner)
+        self.window.remember(before)
 
     def _put_window(self, corner: NDArray) -> None:
         """The same for points whose places are given from a corner (2,) of the lattice."""
@@ -192,6 +194,7 @@ class MovingBody:
         over = np.divide(1.0, sums.m, out=np.zeros_like(sums.m), where=sums.m > 0.0)
         np.multiply(sums.fields[0::4], over, out=velocities.vx)
         np.multiply(sums.fields[1::4], over, out=velocities.vy)
+        velocities.last_x[:], velocities.last_y[:] = velocities.vx, velocities.vy
 
     def evaluate_stresses(self) -> None:
         """Stresses, and energy densities where the body can break, from the strains and the phase field."""
@@ -225,11 +228,16 @@ class MovingBody:
         mass, before_x, before_y, x, y, damped = carried(self.window.sums.m, self.window.velocities)
         return Carried(mass, np.array([before_x, before_y]), np.array([x, y]), damped)
 
+    def work_on_nodes(self) -> float:
+        """Of all forces in this step, when contact is done [energy]."""
+        return float(work_on_nodes(self.window.width, self.window.sums.m, self.window.velocities))
+
     def checkpoint(self) -> dict[str, NDArray]:
         """Everything that the next step needs, in the points' present order."""
         window, wandering = self.window, self.wandering
         return self.points.arrays() | {
             "corner": window.corner, "shape": window.shape, "starts": window.starts,
+            "last": np.array([window.velocities.last_x, window.velocities.last_y]),
             "wandered": np.array([wandering.far, wandering.largest_speed]),
         }  # fmt: skip
 
@@ -237,5 +245,6 @@ class MovingBody:
         """Go back to a checkpoint."""
         self.points = Points.of(saved)
         self.window = GridWindow.over(saved["corner"], saved["shape"], saved["starts"])
+        self.window.velocities.last_x[:], self.window.velocities.last_y[:] = saved["last"]
         far, largest_speed = map(float, saved["wandered"])
         self.wandering = Wandering(far, largest_speed, np.zeros(len(self.window.strips) - 1))

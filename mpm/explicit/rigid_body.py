@@ -70,7 +70,7 @@ class FreeRigidBody(MovingBody):
     Attributes
     ----------
     place, velocity : (3,) of the centre of mass x, y [length] and the angle, counter-clockwise [radian], and their rates,
-        which contact changes.
+        which contact changes. velocity_before : (3,) the rates before the step.
     inverses : (2,) one over mass and moment of inertia, that of the points' rectangles included.
     reach : of its points from the centre of mass [length].
     """
@@ -89,7 +89,7 @@ class FreeRigidBody(MovingBody):
         self.reach = float(np.hypot(*arms.T).max())
         self.place = np.append(centre, 0.0)
         self.velocity = np.append(body.initial_velocity(centre), body.velocity_gradient[1][0])
-        self.inverses, self._old_velocity = 1.0 / np.array([mass, inertia]), self.velocity.copy()
+        self.inverses, self.velocity_before = 1.0 / np.array([mass, inertia]), self.velocity.copy()
         self._put_points()
 
     @property
@@ -106,7 +106,7 @@ class FreeRigidBody(MovingBody):
 
     def find_trial_velocities(self, step: float, acceleration: NDArray, damping: float) -> None:
         """The body's velocity without contact after the step."""
-        self._old_velocity[:] = self.velocity
+        self.velocity_before[:] = self.velocity
         self.velocity += step * (np.append(acceleration, 0.0) - damping * self.velocity)
 
     def update_points(self, step: float) -> None:
@@ -146,7 +146,7 @@ class FreeRigidBody(MovingBody):
     def carried(self) -> Carried:
         """As that of other bodies."""
         mass, inertia = 1.0 / self.inverses
-        each, now, before = np.array([mass, mass, inertia]), self.velocity, self._old_velocity
+        each, now, before = np.array([mass, mass, inertia]), self.velocity, self.velocity_before
         return Carried(float(mass), mass * before[:2], mass * now[:2], float(each @ (now * before)))
 
     def checkpoint(self) -> dict[str, NDArray]:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from mpm.explicit.moving_body import MovingBody
 from mpm.explicit.rigid_body import FreeRigidBody
+from mpm.explicit.transfers import before_step
+from mpm.explicit.window import NodeVelocities
 
 #: what carries a node of a side: a mass of its own, a body that keeps its velocity, a free rigid body
 OWN_MASS, KEPT, FREE = range(3)
@@ -28,16 +30,17 @@ ALLOWED = 1e-9
 class RigidSide(NamedTuple):
     """One body of a pair of which one is free and rigid.
 
-    ``kind`` of what carries the nodes; ``mass, vx, vy`` of all nodes of its window; of a free rigid body ``velocity``
-    (3,) x, y and spin, ``centre`` (2,) of mass from the window's first node [length], ``inverses`` (2,) of mass and
-    moment of inertia; ``h`` spacing and ``width`` of the window; the body's ``number``.
+    ``kind`` of what carries the nodes; ``mass`` and ``nodes``, the velocities, of all nodes of its window; of a free
+    rigid body ``velocity, before`` (3,) x, y and spin now and before the step, ``centre`` (2,) of mass from the window's
+    first node [length], ``inverses`` (2,) of mass and moment of inertia; ``h`` spacing and ``width`` of the window; the
+    body's ``number``.
     """
 
     kind: int
     mass: NDArray
-    vx: NDArray
-    vy: NDArray
+    nodes: NodeVelocities
     velocity: NDArray
+    before: NDArray
     centre: NDArray
     inverses: NDArray
     h: float
@@ -48,14 +51,13 @@ class RigidSide(NamedTuple):
 def rigid_side(number: int, body: MovingBody) -> RigidSide:
     """The body of a number as it is now."""
     window, lattice = body.window, body.lattice
-    velocity, centre, inverses = np.zeros(3), np.zeros(2), np.zeros(2)
+    velocity, before, centre, inverses = np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(2)
     kind = KEPT if body.keeps_velocity else OWN_MASS
     if isinstance(body, FreeRigidBody):
-        kind, velocity, inverses = FREE, body.velocity, body.inverses
+        kind, velocity, before, inverses = FREE, body.velocity, body.velocity_before, body.inverses
         centre = body.place[:2] - window.first_node(lattice)
-    velocities = window.velocities
     return RigidSide(
-        kind, window.sums.m, velocities.vx, velocities.vy, velocity, centre, inverses, lattice.h, window.width, number
+        kind, window.sums.m, window.velocities, velocity, before, centre, inverses, lattice.h, window.width, number
     )
 
 
@@ -76,8 +78,20 @@ def _velocity(side, at):
     """Of a side at a common node."""
     node, x, y = at
     if side.kind != FREE:
-        return side.vx[node], side.vy[node]
+        return side.nodes.vx[node], side.nodes.vy[node]
     return side.velocity[0] - side.velocity[2] * y, side.velocity[1] + side.velocity[2] * x
+
+
+@njit(inline="always")
+def _velocity_before(side, at):
+    """With which a side goes at a common node before the step."""
+    node, x, y = at
+    v = side.nodes
+    if side.kind == KEPT:
+        return v.vx[node], v.vy[node]
+    if side.kind != FREE:
+        return before_step(v.last_x[node], v.old_x[node]), before_step(v.last_y[node], v.old_y[node])
+    return side.before[0] - side.before[2] * y, side.before[1] + side.before[2] * x
 
 
 @njit(inline="always")
@@ -106,8 +120,8 @@ def _give(side, at, x, y):
         side.velocity[1] += side.inverses[0] * y
         side.velocity[2] += side.inverses[1] * (arm_x * y - arm_y * x)
     elif side.kind == OWN_MASS:
-        side.vx[node] += x / side.mass[node]
-        side.vy[node] += y / side.mass[node]
+        side.nodes.vx[node] += x / side.mass[node]
+        side.nodes.vy[node] += y / side.mass[node]
 
 
 @njit(cache=True)
@@ -161,13 +175,14 @@ def press(first, second, touching, count, step, friction):
 
 @njit(cache=True)
 def count_impulses(first, second, touching, count, step, friction, kept_velocities, sums):
-    """Impulses, work of friction, and the checks of Algorithm 3 after `press`; momentum (C.2) is kept at each impulse."""
+    """Impulses, their work, and the checks of Algorithm 3 after `press`; momentum (C.2) is kept at each impulse."""
     total_x = total_y = 0.0
     small = ALLOWED * largest_speed(first, second, touching, count)
     for n in range(count):
         nx, ny, push, drag = touching.normal[0, n], touching.normal[1, n], touching.pushes[n], touching.drags[n]
         a = _meeting(first, touching, n, touching.nodes[0, n])
-        rx, ry = _relative(first, second, a, _meeting(second, touching, n, touching.nodes[1, n]))
+        b = _meeting(second, touching, n, touching.nodes[1, n])
+        rx, ry = _relative(first, second, a, b)
         approach, slip = rx * nx + ry * ny - max(touching.gap[n], 0.0) / step, -rx * ny + ry * nx
         sums.counts[3] += approach > small
         if push == 0.0:
@@ -176,11 +191,14 @@ def count_impulses(first, second, touching, count, step, friction, kept_velociti
         sums.counts[1] += not touching.opposed[n]
         sums.counts[3] += approach < -small
         sums.counts[4] += abs(slip) > small and abs(abs(drag) - friction * push) > ALLOWED * push
-        sums.work[0] -= drag * slip
+        (ax, ay), (bx, by) = _velocity_before(first, a), _velocity_before(second, b)
+        x, y = 0.5 * (rx + ax - bx), 0.5 * (ry + ay - by)
+        sums.work[0] -= drag * (y * nx - x * ny)
+        sums.work[1] -= push * (x * nx + y * ny)
         total_x += push * nx - drag * ny
         total_y += push * ny + drag * nx
     for side, sign in ((first, 1.0), (second, -1.0)):
         x, y = -sign * total_x, -sign * total_y
         sums.impulse[side.number, 0] += x
         sums.impulse[side.number, 1] += y
-        sums.work[1] -= x * kept_velocities[side.number, 0] + y * kept_velocities[side.number, 1]
+        sums.work[2] -= x * kept_velocities[side.number, 0] + y * kept_velocities[side.number, 1]

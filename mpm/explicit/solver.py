@@ -63,7 +63,7 @@ class ExplicitMaterialPoints:
             PointPhaseField(case, number, body, self.costs) for number, body in enumerate(self.bodies) if body.breakable
         ]
         self._break_notches()
-        self._work = np.zeros(2)
+        self._work, self._kinetic_at_start = np.zeros(3), self._kinetic_energy_of_points()
         breaks = bool(self.phase_fields) or any(body.has_axes for body in self.bodies)
         can_march = case.staggered.passes == 1 and not breaks and not self._tractions.lengths
         self._march = March(case, self.bodies, self.contact, self._lines, self._frame) if can_march else None
@@ -207,7 +207,8 @@ class ExplicitMaterialPoints:
     def _count_boundary_work(self, impulses: NDArray, size: float, damping: float, of_bodies: Sequence[Carried]) -> None:
         work = sum(i * line.velocity for i, line in zip(impulses, self._lines, strict=True))
         work += size * (self._tractions.power() - damping * sum(carried.damped for carried in of_bodies))
-        self._work[:] = self._work[0] + work, work / size
+        on_nodes = sum(body.work_on_nodes() for body in self._deforming)
+        self._work[:] = self._work[0] + work, work / size, self._work[2] + on_nodes
 
     # ---------------------------------------------------------------- what can be seen
 
@@ -222,8 +223,14 @@ class ExplicitMaterialPoints:
             external_work=float(self._work[0]) + self.contact.work_of_rigid,
             external_power=float(self._frame.acceleration(self._now) @ momentum) + float(self._work[1]),
             contact_work=self.contact.work,
+            friction_work=self.contact.work_of_friction,
+            transfer_work=self._kinetic_energy_of_points() - self._kinetic_at_start - float(self._work[2]),
             momentum=(float(momentum[0]), float(momentum[1])),
         )
+
+    def _kinetic_energy_of_points(self) -> float:
+        """Of the bodies that deform."""
+        return sum(body.whole_motion().energy for body in self._deforming)
 
     def least_phase_field(self) -> float:
         """Smallest phase field of all points."""
@@ -276,7 +283,7 @@ class ExplicitMaterialPoints:
 
     def restore(self, saved: Mapping[str, NDArray]) -> None:
         """Go back to the state of a checkpoint of the same case."""
-        self._work[:], self._now = saved["boundary"][:2], float(saved["boundary"][2])
+        self._work[:], self._now = saved["boundary"][:3], float(saved["boundary"][3])
         self.contact.restore(_part(saved, "contact_"))
         for number, body in enumerate(self.bodies):
             body.restore(_part(saved, f"body{number}_"))

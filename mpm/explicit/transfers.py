@@ -115,7 +115,7 @@ def _to_points(k):
 
         ``fastest`` (n_strips,) takes the largest square of the velocity that carries a point of each strip.
         """
-        old_x, old_y, new_x, new_y, packed = velocities
+        old_x, old_y, new_x, new_y, _, _, packed = velocities
         for row in prange(len(new_x) // width):
             for node in range(row * width, (row + 1) * width):
                 packed[4 * node], packed[4 * node + 1] = new_x[node], new_y[node]
@@ -275,6 +275,39 @@ def trial_velocities(width, step, gravity_x, gravity_y, damping, sums, velocitie
                 vy[node] = old_y[node] + step * (fields[4 * node + 3] * over + gravity_y - damping * old_y[node])
             else:
                 old_x[node] = old_y[node] = vx[node] = vy[node] = 0.0
+
+
+@njit(inline="always")
+def before_step(last, old):
+    """Velocity with which a node has gone before the step; that which it starts with, where it was not there."""
+    return old if np.isnan(last) else last
+
+
+@njit(cache=True, parallel=True)
+def work_on_nodes(width, m, velocities):
+    """Work of all forces on the nodes in the step, on the mean of the velocities that the steps before and now leave to
+    them [energy]; keeps the latter for the next step.
+
+    Strains and places follow these velocities, so that the work of the stresses in it is what elastic energy loses.
+    """
+    old_x, old_y, vx, vy = velocities.old_x, velocities.old_y, velocities.vx, velocities.vy
+    last_x, last_y = velocities.last_x, velocities.last_y
+    of_rows = np.zeros(len(m) // width)
+    for row in prange(len(of_rows)):
+        work = 0.0
+        for node in range(row * width, (row + 1) * width):
+            if m[node] > 0.0:
+                x, y = before_step(last_x[node], old_x[node]), before_step(last_y[node], old_y[node])
+                along = (vx[node] - old_x[node]) * (vx[node] + x) + (vy[node] - old_y[node]) * (vy[node] + y)
+                work += 0.5 * m[node] * along
+                last_x[node], last_y[node] = vx[node], vy[node]
+            else:
+                last_x[node] = last_y[node] = np.nan
+        of_rows[row] = work
+    total = 0.0
+    for work in of_rows:  # one after the other: for any number of threads the same
+        total += work
+    return total
 
 
 @njit(cache=True)

@@ -30,12 +30,18 @@ class NodeSums(NamedTuple):
 
 class NodeVelocities(NamedTuple):
     """Velocity of the nodes before and after the step; ``packed`` (4 n_nodes,) holds that after it and its change, side
-    by side for each node."""
+    by side for each node.
+
+    ``last_x, last_y`` is that with which the step before left them, NaN where the body was not: points that follow it
+    bring other velocities to the nodes than they have taken from them.
+    """
 
     old_x: NDArray
     old_y: NDArray
     vx: NDArray
     vy: NDArray
+    last_x: NDArray
+    last_y: NDArray
     packed: NDArray
 
 
@@ -88,7 +94,8 @@ class GridWindow:
     def over(cls, corner: NDArray, shape: NDArray, starts: NDArray) -> GridWindow:
         """A window whose arrays are zero."""
         size, width = int(np.prod(shape)), int(shape[1])
-        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (1, 4, 2, 7))
+        sums, velocities, tractions, surface = ([np.zeros(size) for _ in range(count)] for count in (1, 6, 2, 7))
+        velocities[4][:] = velocities[5][:] = np.nan
         for group in (sums, velocities):
             group.append(np.zeros(4 * size))
         surface += [np.zeros(shape[0], np.int64) for _ in range(2)]
@@ -98,6 +105,14 @@ class GridWindow:
             corner, shape, starts, strips, NodeSums(*sums), NodeVelocities(*velocities), NodeTractions(*tractions),
             NodeSurface(*surface),
         )  # fmt: skip
+
+    def remember(self, other: GridWindow) -> None:
+        """Take the velocities with which the step before left the nodes from another window."""
+        lower = np.maximum(self.corner, other.corner)
+        upper = np.minimum(self.corner + self.shape, other.corner + other.shape)
+        for now, before in zip(self.velocities[4:6], other.velocities[4:6], strict=True):
+            common = [tuple(map(slice, lower - w.corner, upper - w.corner)) for w in (self, other)]
+            now.reshape(self.shape)[common[0]] = before.reshape(other.shape)[common[1]]
 
     def first_node(self, lattice: Lattice) -> NDArray:
         """Place (2,) of the window's first node [length]."""

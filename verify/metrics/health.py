@@ -20,7 +20,7 @@ from cases.solvers import SOLVERS
 from cases.spacing import cell_sizes
 from numerics.fields import Fields
 from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
-from verify.metrics.histories import missing_energy
+from verify.metrics.histories import largest_energy, missing_energy
 
 
 @dataclass(frozen=True)
@@ -136,9 +136,7 @@ def _of_history(case: Case, history: pd.DataFrame) -> dict[str, float]:
     found = {"phase_field_range": max(0.0, -float(history["c_min"].min()))} if case.fracture_enabled else {}
     rows = history if case.dynamics else history[history["c_min"].to_numpy() >= _WHOLE]
     if len(rows) > 1 and case.exact is None:
-        held = (rows["E_el"] + rows["E_frac"] + rows["E_kin"]).to_numpy(float)
-        given = np.ptp(rows["W_ext"].to_numpy(float))
-        scale = max(given, np.max(held - rows["E_frac"].iloc[0]), _ROUND_OFF * _held_back(case, rows))
+        scale = max(largest_energy(rows), _ROUND_OFF * _held_back(case, rows))
         if scale > 0.0:
             found["energy_balance"] = float(np.abs(missing_energy(rows)).max() / scale)
     return found

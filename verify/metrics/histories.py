@@ -95,10 +95,16 @@ def energy_balance(run: RunData, *, at: str = "peak") -> float:
 
 
 def missing_energy(history: Any) -> NDArray:
-    """Energy held since the first row beyond what external forces and friction gave (n,)."""
+    """Energy held since the first row beyond what external forces and contact gave (n,)."""
     held = history["E_el"] + history["E_frac"] + history["E_kin"]
     less = held - history["W_ext"] - history.get("W_contact", 0.0)
     return (less - less.iloc[0]).to_numpy(dtype=float)  # type: ignore[no-any-return]
+
+
+def largest_energy(history: Any) -> float:
+    """The largest that the bodies hold or external forces give [energy], without that of notches of broken material."""
+    held = (history["E_el"] + history["E_frac"] + history["E_kin"]).to_numpy(float)
+    return float(max(np.ptp(history["W_ext"].to_numpy(float)), np.max(held - history["E_frac"].iloc[0])))
 
 
 @metric("number", "least phase field of the whole run")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cases import Case
 from numerics.description import outlines
 from physics.exact_motion import bar_period, contact_half_width, pressure_wave_speed
+from verify.metrics.histories import largest_energy, missing_energy
 from verify.metrics.metric import MetricError, NotGivenError, history_column, metric, run_name, whole_column
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def period_error(run: RunData) -> float:
 def energy(run: RunData) -> NDArray:
     """Strain, fracture and kinetic energy less the external work and that of friction (n,)."""
     held = sum(whole_column(run, name) for name in ("E_el", "E_frac", "E_kin"))
-    return held - history_column(run, "W_ext") - history_column(run, "W_contact")  # type: ignore[no-any-return]
+    return held - history_column(run, "W_ext") - history_column(run, "W_friction")  # type: ignore[no-any-return]
 
 
 @metric("number", "relative error of the half-width on a floor")
@@ -72,6 +73,20 @@ def energy_left(run: RunData) -> float:
     """Energy at the end over that at the start."""
     total = energy(run)
     return float(total[-1] / total[0])
+
+
+@metric("number", "energy that transfer takes, over the largest that there is")
+def transfer_loss(run: RunData) -> float:
+    """What kinetic energy has lost by the end where velocities go from points to nodes and back."""
+    lost = history_column(run, "W_transfer")
+    return float((lost[0] - lost[-1]) / largest_energy(run.history))
+
+
+@metric("number", "energy missing beyond what transfer takes, over the largest that there is")
+def unaccounted_energy(run: RunData) -> float:
+    """Largest size: with forces, contact and transfer, what is left is the integration in time."""
+    lost = history_column(run, "W_transfer")
+    return float(np.abs(missing_energy(run.history) - lost + lost[0]).max() / largest_energy(run.history))
 
 
 #: a momentum below this share of the largest that an energy allows is none
