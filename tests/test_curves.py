@@ -332,6 +332,15 @@ def test_energy_balance_of_a_free_body_counts_friction_and_is_a_share_of_its_sta
     assert METRICS["energy_balance"](run, at="end") == pytest.approx(lost)
 
 
+def test_what_transfer_takes_is_told_beside_what_is_missing():
+    run, grown = run_of(curve()), np.linspace(0.0, 1.0, len(run_of(curve()).history))
+    run.history = run.history.assign(W_ext=2.0 * grown, E_el=0.0, E_frac=0.0, E_kin=1.9 * grown, W_contact=0.0)
+    run.history["W_transfer"] = 0.5 - 0.08 * grown
+    assert METRICS["energy_balance"](run, at="end") == pytest.approx(0.05)
+    assert METRICS["transfer_loss"](run) == pytest.approx(0.04)
+    assert METRICS["unaccounted_energy"](run) == pytest.approx(0.01)
+
+
 def test_fracture_energy_rate_is_the_slope_of_the_last_part_over_the_thickness():
     run = run_of(curve())
     run.history["E_frac"] = np.maximum(0.0, 7.0 * (run.history["u"] - 0.8))
