@@ -155,7 +155,7 @@ def count_work(bodies, accelerates, step, acceleration, damping, impulses, veloc
     for body in range(len(bodies.whole)):
         if bodies.whole[body, KIND] == OWN_MASS:
             mass = group(SUMS, bodies.arrays, body).m
-            on_nodes += work_on_nodes(bodies.whole[body, WIDTH], mass, group(VELOCITIES, bodies.arrays, body))
+            on_nodes += work_on_nodes(mass, group(VELOCITIES, bodies.arrays, body))
     work[2] += on_nodes
     for n in range(len(impulses)):
         given += impulses[n] * velocities[n]

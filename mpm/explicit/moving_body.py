@@ -230,7 +230,7 @@ class MovingBody:
 
     def work_on_nodes(self) -> float:
         """Of all forces in this step, when contact is done [energy]."""
-        return float(work_on_nodes(self.window.width, self.window.sums.m, self.window.velocities))
+        return float(work_on_nodes(self.window.sums.m, self.window.velocities))
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Everything that the next step needs, in the points' present order."""

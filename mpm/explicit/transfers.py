@@ -283,8 +283,8 @@ def before_step(last, old):
     return old if np.isnan(last) else last
 
 
-@njit(cache=True, parallel=True)
-def work_on_nodes(width, m, velocities):
+@njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
+def work_on_nodes(m, velocities):
     """Work of all forces on the nodes in the step, on the mean of the velocities that the steps before and now leave to
     them [energy]; keeps the latter for the next step.
 
@@ -292,22 +292,13 @@ def work_on_nodes(width, m, velocities):
     """
     old_x, old_y, vx, vy = velocities.old_x, velocities.old_y, velocities.vx, velocities.vy
     last_x, last_y = velocities.last_x, velocities.last_y
-    of_rows = np.zeros(len(m) // width)
-    for row in prange(len(of_rows)):
-        work = 0.0
-        for node in range(row * width, (row + 1) * width):
-            if m[node] > 0.0:
-                x, y = before_step(last_x[node], old_x[node]), before_step(last_y[node], old_y[node])
-                along = (vx[node] - old_x[node]) * (vx[node] + x) + (vy[node] - old_y[node]) * (vy[node] + y)
-                work += 0.5 * m[node] * along
-                last_x[node], last_y[node] = vx[node], vy[node]
-            else:
-                last_x[node] = last_y[node] = np.nan
-        of_rows[row] = work
-    total = 0.0
-    for work in of_rows:  # one after the other: for any number of threads the same
-        total += work
-    return total
+    work = 0.0
+    for node in range(len(m)):
+        x, y = before_step(last_x[node], old_x[node]), before_step(last_y[node], old_y[node])
+        work += m[node] * ((vx[node] - old_x[node]) * (vx[node] + x) + (vy[node] - old_y[node]) * (vy[node] + y))
+        last_x[node] = vx[node] if m[node] > 0.0 else np.nan
+        last_y[node] = vy[node] if m[node] > 0.0 else np.nan
+    return 0.5 * work
 
 
 @njit(cache=True)
