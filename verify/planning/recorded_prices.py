@@ -13,7 +13,7 @@ class PricesError(UserError):
 PRICES_FILE = "prices.csv"
 PRICE_COLUMNS = (
     "tier", "run", "saving", "seconds_with", "seconds_without", "work_with", "work_without", "unknowns_with",
-    "unknowns_without", "quantity", "with", "without", "unit", "change", "status", "version", "case_hash",
+    "unknowns_without", "quantity", "with", "without", "unit", "change", "status", "version", "stated_hash",
 )  # fmt: skip
 
 
@@ -42,7 +42,7 @@ def current_prices(case: Case, run: str) -> pd.DataFrame:
     case : with the run's changes merged in
     """
     prices = read_prices(case)
-    mine = (prices["tier"] == case.tier) & (prices["run"] == run) & (prices["case_hash"] == case.hash())
+    mine = (prices["tier"] == case.tier) & (prices["run"] == run) & (prices["stated_hash"] == case.hash(stated=True))
     return prices[mine]
 
 

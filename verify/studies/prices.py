@@ -120,8 +120,8 @@ class _Priced:
 
     def __init__(self, case: Case, run: str, options: Options, only: Sequence[str] = ()) -> None:
         self.case, self.run, self.options = case, run, options
-        merged = load_case(case.source, case.tier, run)
-        self.all_switches = tuple(saving for saving in savings(merged) if saving.off)
+        self.merged = load_case(case.source, case.tier, run)
+        self.all_switches = tuple(saving for saving in savings(self.merged) if saving.off)
         self.switches = tuple(saving for saving in self.all_switches if not only or saving.name in only)
         self._together = len(self.switches) > 1 and not only
 
@@ -149,7 +149,7 @@ class _Priced:
 
     def _rows_of(self, saving: str, usual: RunFolder, run: RunFolder | None) -> list[dict[str, Any]]:
         told: dict[str, Any] = {"tier": self.case.tier, "run": self.run, "saving": saving}
-        told |= {"version": usual.info["code_version"], "case_hash": usual.info["case_hash"]}
+        told |= {"version": usual.info["code_version"], "stated_hash": self.merged.hash(stated=True)}
         told |= _costs(usual, "with")
         if run is None or not run.good:
             return [told | {"status": run.info["status"] if run else RunStatus.FAILED}]
