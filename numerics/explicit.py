@@ -29,7 +29,8 @@ class Balance:
     ``external_work`` is that of tractions, gravity, the moving frame, damping and prescribed motions since the start;
     ``external_power`` is its present rate. ``contact_work`` is that of contact between the bodies, ``friction_work`` the
     part of friction in it. ``transfer_work`` is what kinetic energy loses where velocities go from points to nodes and
-    back; without points there is none.
+    back; None where there are no points, and where strains follow velocities that are mapped once more, whose work is not
+    that of the nodes' forces.
     """
 
     elastic: float
@@ -40,7 +41,7 @@ class Balance:
     contact_work: float
     momentum: tuple[float, float]
     friction_work: float = 0.0
-    transfer_work: float = 0.0
+    transfer_work: float | None = None
 
     @property
     def total(self) -> float:
@@ -140,7 +141,7 @@ class Instant:
             "seconds": round(self.seconds, 6),
             "W_contact": balance.contact_work,
             "W_friction": balance.friction_work,
-            "W_transfer": balance.transfer_work,
+            **({} if balance.transfer_work is None else {"W_transfer": balance.transfer_work}),
             "momentum_x": balance.momentum[0],
             "momentum_y": balance.momentum[1],
             **self.columns,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -11,7 +11,17 @@ import numpy as np
 
 from cases import Case
 
-from .conjugates import AT_START, MarchState, conjugate_force, gives_way, noted, path_targets, step_work, why_it_ends
+from .conjugates import (
+    AT_START,
+    MarchState,
+    Target,
+    conjugate_force,
+    gives_way,
+    noted,
+    path_targets,
+    step_work,
+    why_it_ends,
+)
 from .costs import OutOfTimeError
 from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
@@ -149,6 +159,20 @@ def _first_advance(discretisation: QuasiStaticDiscretisation, outcome: StepOutco
     return reached - of_notches
 
 
+def _first_size(turn: Sequence[Target], size: float, adaptive: bool) -> float:
+    """Of the first increment behind a target, the first one of ``turn``, up to which they had a size."""
+    if len(turn) < 2 or turn[0].increment == turn[1].increment:
+        return size
+    return min(size, turn[1].increment) if adaptive else turn[1].increment
+
+
+def _end_of_prologue(case: Case, start: float, target: float) -> float:
+    """Load at the end of the stretch that is taken at once, no farther than the first state that is to be stored."""
+    wanted = [(u - start) / (target - start) for u in case.snapshots]
+    share = min((s for s in wanted if s > 0.0), default=1.0)
+    return start + min(case.load.prologue, share) * (target - start)
+
+
 class _LoadPath:
     """The march along the load path."""
 
@@ -179,7 +203,9 @@ class _LoadPath:
         while self.march.leg < len(self.targets):
             target = self.targets[self.march.leg].load
             if self.load == target:
-                self._turn()
+                leg = self.march.leg + 1
+                size = _first_size(self.targets[leg - 1 : leg + 1], self.march.next_size, self.limits.adaptive)
+                self.march = replace(self.march, leg=leg, next_size=size)
                 continue
             assert self.last is not None
             if self.last.is_last:
@@ -190,14 +216,6 @@ class _LoadPath:
                 self.discretisation.undo()
                 yield self._report_end(RunStatus.TIMED_OUT, f"out of time in the increment after u = {self.load:g}")
                 return
-
-    def _turn(self) -> None:
-        """On to the next target; a leg with an increment of its own begins with it, or with less where less is in use."""
-        leg, size = self.march.leg + 1, self.march.next_size
-        if leg < len(self.targets) and self.targets[leg].increment != self.targets[leg - 1].increment:
-            largest = self.targets[leg].increment
-            size = min(size, largest) if self.limits.adaptive else largest
-        self.march = replace(self.march, leg=leg, next_size=size)
 
     def _first_state(self) -> Increment:
         """The state at the path's first load, or the report that there is none."""
@@ -228,10 +246,7 @@ class _LoadPath:
 
         It ends at the first state that is to be stored.
         """
-        start = self.load
-        wanted = [(u - start) / (target - start) for u in self.case.snapshots]
-        share = min((s for s in wanted if s > 0.0), default=1.0)
-        load = round(start + min(self.case.load.prologue, share) * (target - start), self.limits.digits)
+        load = round(_end_of_prologue(self.case, self.load, target), self.limits.digits)
         converged = {"staggered": self.case.staggered.model_copy(update={"scheme": "converged"})}
         outcome, problem = self._try(self.case.model_copy(update=converged), load, cautious=True)
         if problem:

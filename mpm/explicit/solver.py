@@ -216,6 +216,7 @@ class ExplicitMaterialPoints:
         """Energies and momentum of the bodies that do not keep their velocity whatever they meet."""
         motions = [body.whole_motion() for body in self._moving]
         momentum = np.sum([motion.momentum for motion in motions], axis=0)
+        lost = self._kinetic_energy_of_points() - self._kinetic_at_start - float(self._work[2])
         return Balance(
             elastic=sum(float((body.energy_density() * body.points.matter.volume).sum()) for body in self._deforming),
             fracture=sum(phase_field.fracture_energy() for phase_field in self.phase_fields),
@@ -224,7 +225,7 @@ class ExplicitMaterialPoints:
             external_power=float(self._frame.acceleration(self._now) @ momentum) + float(self._work[1]),
             contact_work=self.contact.work,
             friction_work=self.contact.work_of_friction,
-            transfer_work=self._kinetic_energy_of_points() - self._kinetic_at_start - float(self._work[2]),
+            transfer_work=None if self._updates_last else lost,
             momentum=(float(momentum[0]), float(momentum[1])),
         )
 
@@ -263,13 +264,7 @@ class ExplicitMaterialPoints:
         """Errors against an exact solution, half-width and peak of the pressure on a floor, lengths of loaded edges."""
         errors = moving_errors(self.case, self.fields()) | loaded_lengths(self._tractions.lengths)
         errors |= placement_health_in_bodies(self.case, self.cloud)
-        pressed = self.contact.pressure_on_floor(self.case.mpm.order)
-        if pressed and self.case.dynamics is not None:
-            weight = -self.case.dynamics.gravity[1] * sum(body.points.matter.mass.sum() for body in self._moving)
-            area = self.case.mesh.h * self.case.plane.thickness
-            errors["contact_half_width"] = self.case.mesh.h * pressed["half_width"]
-            errors["peak_pressure"] = weight * pressed["peak"] / area
-        return errors
+        return errors | _pressure_on_floor(self.case, self.contact, self._moving)
 
     def checkpoint(self) -> dict[str, NDArray]:
         """Arrays from which `restore` makes the state again."""
@@ -289,6 +284,16 @@ class ExplicitMaterialPoints:
             body.restore(_part(saved, f"body{number}_"))
         for number, phase_field in enumerate(self.phase_fields):
             phase_field.restore(_part(saved, f"phase_field{number}_"))
+
+
+def _pressure_on_floor(case: Case, contact: Contact, moving: Sequence[MovingBody]) -> dict[str, float]:
+    """Half-width [length] and peak [stress] of the pressure on a floor, where bodies lie on one."""
+    pressed = contact.pressure_on_floor(case.mpm.order)
+    if not pressed or case.dynamics is None:
+        return {}
+    weight = -case.dynamics.gravity[1] * sum(body.points.matter.mass.sum() for body in moving)
+    peak = weight * pressed["peak"] / (case.mesh.h * case.plane.thickness)
+    return {"contact_half_width": case.mesh.h * pressed["half_width"], "peak_pressure": peak}
 
 
 def _part(saved: Mapping[str, NDArray], prefix: str) -> dict[str, NDArray]:
