@@ -76,7 +76,7 @@ def made_up():
         snapshots=lambda: [(0.5, 1, points)],
         history=pd.DataFrame({"u": [0.0, 1.0], "F": [0.0, 8.0]}),
         case=SimpleNamespace(
-            plane=SimpleNamespace(thickness=2.0), dynamics=None, load=SimpleNamespace(increment=0.1)
+            plane=SimpleNamespace(thickness=2.0), dynamics=None, load=SimpleNamespace(increments=(0.1,))
         ),
         info={"run": "made up"},
     )

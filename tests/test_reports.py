@@ -231,7 +231,7 @@ def test_energies_of_every_solver_are_drawn_with_its_line(solver: Solver) -> Non
 
 
 def test_a_metric_is_drawn_over_the_one_number_swept(tmp_path: Path) -> None:
-    published = {-0.02: 0.0, -0.1: 0.0, -0.18: 1.0}
+    published = {-0.04: 0.0, -0.1: 0.0, -0.18: 1.0}
     checks = [
         {"metric": "cone_index", "run": f"disc[velocity.1={v:g}]", "against": "reference:x", "value": 1.0 - target,
          "target": target, "unit": "1"}
