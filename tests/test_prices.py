@@ -23,6 +23,7 @@ from verify.planning.recorded_prices import (
     PricesError,
     chosen_savings,
     costs_of_savings,
+    current_prices,
     read_prices,
 )
 from verify.planning.savings import all_off, savings
@@ -265,3 +266,9 @@ def test_the_plan_of_a_moving_case_names_what_it_is_spared() -> None:
     window = next(saving for saving in breaking.savings if saving.name == "phase field only where it changes")
     everywhere = load_case("plate_impact", "quick", "fem", all_off((window,)))
     assert window.used and not {s.name: s.used for s in savings(everywhere)}[window.name]
+
+
+def test_prices_of_the_library_count_for_the_case_as_it_stands() -> None:
+    """A key that comes to the schema with a default leaves them what they are."""
+    for run in ("fem", "mpm"):
+        assert len(current_prices(load_case("sen_tension", "quick", run), run))
