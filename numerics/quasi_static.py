@@ -160,7 +160,7 @@ def _first_advance(discretisation: QuasiStaticDiscretisation, outcome: StepOutco
 
 
 def _first_size(turn: Sequence[Target], size: float, adaptive: bool) -> float:
-    """Of the first increment behind a target, the first one of ``turn``, up to which they had a size."""
+    """First increment on the way from one target to the next, the two of ``turn``; ``size`` is that in use before."""
     if len(turn) < 2 or turn[0].increment == turn[1].increment:
         return size
     return min(size, turn[1].increment) if adaptive else turn[1].increment

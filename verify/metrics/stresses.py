@@ -59,7 +59,7 @@ def _state(run: RunData, u: float) -> tuple[Mapping[str, NDArray], float]:
     """Data of the points, and force, in the snapshot nearest to the displacement u."""
     wanted = u
     u, _, points = min(run.snapshots(), key=lambda snapshot: abs(snapshot[0] - wanted))
-    if run.case.dynamics is None and abs(u - wanted) > max(run.case.load.increments, default=0.0):
+    if run.case.dynamics is None and abs(u - wanted) > max(run.case.load.increments, default=1e-9 * abs(wanted)):
         said = f"has no fields at u = {wanted:g}, the nearest are of u = {u:g}"
         raise MetricError(f"{run_name(run)}: {said}; add {wanted:g} to output.snapshots, or name another u")
     force = float(np.interp(u, history_column(run, "u"), history_column(run, "F")))
