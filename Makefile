@@ -50,7 +50,7 @@ judge: .venv/light ## judge a result of your own: CASE=, HISTORY= a CSV file, MA
 verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= quick | standard | paper, JOBS= at a time
 	@$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); ran=$$?; \
 	if [ $$ran -ne 0 ] && [ $$ran -ne 2 ]; then exit $$ran; fi; \
-	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); verdict=$$?; \
+	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); verdict=$$?; \
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS) || exit $$?; \
 	if [ $$verdict -eq 0 ]; then exit $$ran; fi; exit $$verdict
 
@@ -62,7 +62,7 @@ charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and
 	if [ $$charted -ne 0 ] && [ $$mapped -ne 0 ]; then exit $$charted; fi; \
 	$(if $(CASE),,exit $$((charted > mapped ? charted : mapped));) \
 	$(BIN)/verify run $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); \
-	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT); \
+	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); \
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS)
 
 # Small cases first, whose two processes compile other kernels each: at a time, tests and library would compile the same.

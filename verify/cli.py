@@ -20,7 +20,7 @@ from rich.text import Text
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
 from cases.errors import BrokenRuleError
 from cases.judging import TIERS
-from cases.loader import LIBRARY
+from cases.loader import LIBRARY, reading_once
 from cases.solvers import SOLVERS, installed, register
 from numerics.status import RunStatus
 from verify.extras import missing_extra
@@ -373,7 +373,12 @@ def _refuse(cases: list[Case]) -> None:
 
 
 @app.command()
-def compare(names: OptionalCases = None, tier: TierOption = "standard", out: OutOption = DEFAULT_OUT) -> None:
+def compare(
+    names: OptionalCases = None,
+    tier: TierOption = "standard",
+    out: OutOption = DEFAULT_OUT,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="cases judged at the same time")] = 1,
+) -> None:
     """Judge finished runs and write summary.json, junit.xml, summary.csv and summary.md. Computes nothing.
 
     Without a case, all cases of the library that have been run in this tier are judged. `verify report` draws one report
@@ -382,14 +387,15 @@ def compare(names: OptionalCases = None, tier: TierOption = "standard", out: Out
     Examples: `verify compare` · `verify compare sen_tension --tier paper` · `verify compare mine.toml other.toml`
     """
     cases = _selected(names, tier)
-    states = [{state.status for state in find_runs(loaded, out).values()} - {RunStatus.MISSING} for loaded in cases]
+    with reading_once():
+        states = [{s.status for s in find_runs(loaded, out).values()} - {RunStatus.MISSING} for loaded in cases]
     found = [loaded for loaded, there in zip(cases, states, strict=True) if there]
     if not any(there - {RunStatus.NEEDS_RECORD} for there in states):
         command = " ".join(["verify run", *(names or []), "--tier", tier, "--out", str(out)])
         raise RunFolderError(
             f"{out / 'runs'}: nothing has been run in tier {tier!r}; do it with `{command}`."
         )
-    summary = summarise(found, tier, out)
+    summary = summarise(found, tier, out, jobs)
     write_summary(summary, out)
     console = _console()
     _print_problems(console, summary)

@@ -5,11 +5,14 @@ import math
 import re
 import shlex
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from cases import Case, load_case
+from cases.loader import reading_once
 from verify.judging.judge import CaseVerdict, CheckResult, RunState, judge_case
 from verify.judging.targets import reference_curve
 from verify.judging.views import Json, checks_csv, junit_xml, markdown
@@ -17,6 +20,7 @@ from verify.metrics.crack_path import hausdorff, mean_distance
 from verify.metrics.curves import Curve, CurveError, compare_curves
 from verify.metrics.registry import metric_unit
 from verify.runs.atomic import write_table, write_text
+from verify.runs.processes import fresh_processes
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolder, RunFolderError
 
@@ -24,14 +28,29 @@ EXIT_CODES = {"PASS": 0, "FAIL": 1, "MISSING": 1, "SUSPECT": 1, "RUN_FAILED": 2,
 CURVE_COLUMNS = ["u", "F_reference", "F", "relative_error_percent"]
 
 
-def summarise(cases: Sequence[Case], tier: str, out: Path) -> Json:
-    """Judge the cases from their run folders and return the contents of summary.json; writes curve tables."""
+def summarise(cases: Sequence[Case], tier: str, out: Path, jobs: int = 1) -> Json:
+    """Judge the cases from their run folders, ``jobs`` at the same time, and return the contents of summary.json.
+
+    Tables of curves are written beside it.
+    """
+    judged = partial(_judged, out=out)
+    if jobs == 1:
+        entries = list(map(judged, cases))
+    else:
+        processes = fresh_processes("verify.judging.summary", "verify.metrics.registry", "verify.runs.vtk_files")
+        with ProcessPoolExecutor(jobs, mp_context=processes) as pool:
+            entries = list(pool.map(judged, cases))
     return {
         "version": code_version(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "tier": tier,
-        "cases": [_case_entry(judge_case(case, out), out) for case in cases],
+        "cases": entries,
     }
+
+
+def _judged(case: Case, out: Path) -> Json:
+    with reading_once():
+        return _case_entry(judge_case(case, out), out)
 
 
 def compare(case: Case | str | Path, tier: str | None = None, out: Path | str = "reports/out") -> Json:

@@ -71,6 +71,7 @@ def _of_branches(run: RunData) -> list[Branch]:
 
 
 @metric("time", "when the crack set out")
+@functools.lru_cache(maxsize=8)
 def initiation_time(run: RunData) -> float:
     """Time at which a point broke that is a length scale or more away from what was broken at the start."""
     data, broken_at = _broken_at(run)
