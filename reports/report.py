@@ -138,7 +138,7 @@ def _longest_first(entries: Sequence[Mapping[str, Any]], out: Path) -> list[Mapp
 def _write_printed(summary: Mapping[str, Any], out: Path) -> str:
     """Write the page of printed numbers beside ours and return its sentence; empty where no case has any."""
     cases = [CaseResults(entry, out).case for entry in summary["cases"]]
-    rows = coverage.coverage([case for case in cases if case], out)
+    rows = coverage.coverage([case for case in cases if case], out, summary)
     if not rows:
         return ""
     sentence = coverage.coverage_sentence(rows)

@@ -155,9 +155,11 @@ def test_printed_numbers_stand_beside_ours(tmp_path: Path) -> None:
     assert (peak.quantity, peak.ours, peak.found, peak.gated) == ("peak_force", pytest.approx(0.51), "run", True)
     assert peak.share == pytest.approx(0.02)  # a hair above
     assert (place.quantity, place.ours, place.reason) == ("displacement_at_peak", None, NO_CHECK)
-    assert coverage([case], tmp_path / "nothing")[0].ours is None
+    nowhere = tmp_path / "nothing"
+    assert coverage([case], nowhere)[0].ours is None
+    assert coverage([case], nowhere, summarise([case], "quick", out))[0] == peak
     accept(case, "first values", out)
-    assert coverage([case], tmp_path / "nothing")[0].found.startswith("baseline of")
+    assert coverage([case], nowhere)[0].found.startswith("baseline of")
     assert "1 more within 5%" in coverage_sentence([peak, place])
     assert "1 without a value" in coverage_sentence([peak, place])
 

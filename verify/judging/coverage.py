@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -49,16 +51,32 @@ class Printed:
         return abs(self.ours / self.printed - 1.0) if self.ours is not None and self.printed else None
 
 
-def coverage(cases: Iterable[Case], out: Path) -> list[Printed]:
+def coverage(cases: Iterable[Case], out: Path, summary: Mapping[str, Any] | None = None) -> list[Printed]:
     """Every printed value of the cases, from the finished runs under ``out`` and the baselines. Nothing is computed.
 
     cases : at any tier; all tiers are looked at.
+    summary : of the runs under ``out``; values that it tells are taken from it.
     """
-    return [row for case in cases for row in _of_case([load_case(case.source, tier) for tier in reversed(TIERS)], out)]
+    told = _values_told(summary) if summary else {}
+    all_tiers = ([load_case(case.source, tier) for tier in reversed(TIERS)] for case in cases)
+    return [row for tiers in all_tiers for row in _of_case(tiers, out, told)]
 
 
-def _of_case(tiers: list[Case], out: Path) -> Iterator[Printed]:
-    found = [row for case in tiers for row in _of_tier(case, out)]
+#: case, tier, run, metric and parameters of a value
+Told = tuple[str, str, str, str, str]
+
+
+def _values_told(summary: Mapping[str, Any]) -> dict[Told, float]:
+    return {
+        (case["case"], case["tier"], check["run"], check["metric"], json.dumps(check["parameters"])): check["value"]
+        for case in summary["cases"]
+        for check in case["checks"]
+        if check["value"] is not None
+    }
+
+
+def _of_case(tiers: list[Case], out: Path, told: Mapping[Told, float]) -> Iterator[Printed]:
+    found = [row for case in tiers for row in _of_tier(case, out, told)]
     best: dict[tuple[str, str, str, str], Printed] = {}
     for row in found:  # the finest tier comes first
         key = (row.source, row.quantity, row.run, f"{row.printed:g}")
@@ -79,7 +97,7 @@ def _unit(quantity: str, case: Case) -> str:
         return ""
 
 
-def _of_tier(case: Case, out: Path) -> Iterator[Printed]:
+def _of_tier(case: Case, out: Path, told: Mapping[Told, float]) -> Iterator[Printed]:
     checks = [check for check in checks_of(case) if is_printed(case, check)]
     if not checks:
         return
@@ -87,7 +105,7 @@ def _of_tier(case: Case, out: Path) -> Iterator[Printed]:
     for check in checks:
         name = check.target[1]
         reference, printed = case.references[name], float(case.references[name].values[check.metric])
-        ours, found = _ours(check, judge)
+        ours, found = _ours(check, judge, told)
         if ours is None and (row := baseline.get(key_of(check, case))):
             ours, found = row.value, f"baseline of {row.date}"
         yield Printed(
@@ -96,7 +114,11 @@ def _of_tier(case: Case, out: Path) -> Iterator[Printed]:
         )  # fmt: skip
 
 
-def _ours(check: Check, judge: Judge) -> tuple[float | None, str]:
+def _ours(check: Check, judge: Judge, told: Mapping[Told, float]) -> tuple[float | None, str]:
+    case, parameters = judge.case, check.model_dump(mode="json")["parameters"]
+    key = (case.name, case.tier, check.run, check.metric, json.dumps(parameters))
+    if key in told:
+        return told[key], "run"
     try:
         return judge.value(check), "run"
     except (UnavailableError, UserError, ValueError):
