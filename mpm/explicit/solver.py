@@ -115,7 +115,8 @@ class ExplicitMaterialPoints:
         """Algorithm 3; raises what its bodies raise.
 
         The first pass solves the phase field of the time ``now``; each further one of ``staggered.passes`` goes back and
-        repeats the step with the phase field of the history field that the pass before it led to.
+        repeats the step, from the same internal forces, with the phase field of the history field that the pass before
+        it led to: stresses at the end of the step are then those of their own phase field.
         """
         for body in self.bodies:
             body.keep_sorted(size)
@@ -144,7 +145,7 @@ class ExplicitMaterialPoints:
                 phase_field.solve(now)
 
     def _go_back_with_phase_field_ahead(self, start: Mapping[str, NDArray], now: float) -> None:
-        """The state at the start of the step, but for the phase field and the stresses that it softens."""
+        """The state at the start of the step, its stresses too, but for the phase field."""
         ahead = [body.points.crack.history for body in self.bodies]
         self.restore(start)
         committed = [body.points.crack for body in self.bodies]
@@ -153,8 +154,6 @@ class ExplicitMaterialPoints:
         self._solve_phase_fields(now)
         for body, crack in zip(self.bodies, committed, strict=True):
             body.points.crack = crack
-        for body in self._deforming:
-            body.evaluate_stresses()
 
     def _move(self, now: float, size: float) -> None:
         """Trial velocities, contact, and the points' motion from what is mapped to the grid."""
