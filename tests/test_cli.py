@@ -60,6 +60,9 @@ def test_several_cases_are_run_judged_and_reported_together(
     assert verify("compare", *cases, *options) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [entry["case"] for entry in summary["cases"]] == ["one", "other"]
+    assert verify("compare", *cases, *options, "--jobs", "2") == 0
+    side_by_side = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert side_by_side["cases"] == summary["cases"]
     assert verify("report", "--out", tmp_path / "out") == 0
     index = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     assert all(f'href="pages/{name}-quick.html"' in index for name in ("one", "other"))

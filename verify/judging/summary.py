@@ -33,13 +33,12 @@ def summarise(cases: Sequence[Case], tier: str, out: Path, jobs: int = 1) -> Jso
 
     Tables of curves are written beside it.
     """
-    judged = partial(_judged, out=out)
     if jobs == 1:
-        entries = list(map(judged, cases))
+        entries = [_judged(case, out) for case in cases]
     else:
         processes = fresh_processes("verify.judging.summary", "verify.metrics.registry", "verify.runs.vtk_files")
         with ProcessPoolExecutor(jobs, mp_context=processes) as pool:
-            entries = list(pool.map(judged, cases))
+            entries = list(pool.map(partial(_read_and_judged, tier=tier, out=out), [case.source for case in cases]))
     return {
         "version": code_version(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -51,6 +50,11 @@ def summarise(cases: Sequence[Case], tier: str, out: Path, jobs: int = 1) -> Jso
 def _judged(case: Case, out: Path) -> Json:
     with reading_once():
         return _case_entry(judge_case(case, out), out)
+
+
+def _read_and_judged(source: Path, tier: str, out: Path) -> Json:
+    """The case is read in this process, so that solvers of other packages that it names are known."""
+    return _judged(load_case(source, tier), out)
 
 
 def compare(case: Case | str | Path, tier: str | None = None, out: Path | str = "reports/out") -> Json:
