@@ -10,6 +10,7 @@ import pandas as pd
 from cases.solvers import SOLVERS
 from physics.rocking.motion import Verdict
 from verify.metrics.rocking import verdict_on
+from verify.studies.records import made_of
 
 from . import style
 from .results import READING_ERRORS
@@ -97,14 +98,11 @@ def _points_of_runs(results: CaseResults) -> Iterator[Place]:
 
 
 def _points_of_maps(results: CaseResults) -> Iterator[Place]:
-    """Cells of the maps of material points over the two."""
+    """Cells of the maps of material points over the two, made here or for the record."""
     assert results.case is not None
-    home = results.out / "maps" / results.name / results.tier
-    for name, chosen in results.case.maps.items():
-        file = home / f"{name}.csv"
-        solver = results.case.run_spec(str(chosen.run)).solver if chosen.run else ""
-        if (list(chosen.x), list(chosen.y)) != ([AMPLITUDE], [FREQUENCY]) or not file.is_file():
-            continue
-        if SOLVERS[solver].by_points:
-            cells: Any = pd.read_csv(file).itertuples()
+    for made in made_of(results.case, "maps", results.out):
+        chosen = made.study
+        solver = made.case.run_spec(str(chosen.run)).solver if chosen.run else ""
+        if (list(chosen.x), list(chosen.y)) == ([AMPLITUDE], [FREQUENCY]) and SOLVERS[solver].by_points:
+            cells: Any = pd.read_csv(made.file).itertuples()
             yield from (Place(float(cell.y), float(cell.x), str(cell.verdict), solver) for cell in cells)

@@ -231,6 +231,9 @@ def test_the_diagram_has_borders_of_models_and_verdicts_of_material_points(tmp_p
     assert table["border_after_impacts", 3.0] == pytest.approx(1.402, abs=1e-3)
     assert table[str(Verdict.AFTER_IMPACTS), 3.0] == 2.0 and table[str(Verdict.SAFE), 4.0] == 1.0
     assert "2 runs of material points" in drawn.caption
+    (maps / "mpm.csv").unlink()  # those on record are shown then
+    drawn = diagram(CaseResults(compare(case, "quick", tmp_path), tmp_path), tmp_path)
+    assert "9 runs of material points" in drawn.caption
 
 
 def test_records_of_different_size_are_drawn_as_two():
