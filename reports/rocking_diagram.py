@@ -73,7 +73,8 @@ def diagram(results: CaseResults, folder: Path) -> style.Drawing | None:
         figure, folder, "diagram", "Failure and safety",
         "Frequency of the pulse over p and its amplitude over that which lifts the block. Lines: amplitudes from which on"
         f" {listed(SOLVERS[s].title for s in solvers)} fall after impacts, thin, and without impact, thick."
-        f" Marks: {plural(len(points), 'run')} of material points.",
+        f" Marks: {plural(len(points), 'run')} of material points, those of the maps below among them, whose figures tell"
+        " what they stand for and when they were made.",
         pd.DataFrame([*borders, *points]),
     )
 
