@@ -118,7 +118,8 @@ class Staggered(Table):
         tolerances, and leaves an increment that does not converge to the converged scheme
     passes : in dynamics further ones repeat a step; material points from the same forces, so that the second one has the
         phase field of the step's end and more change nothing, finite elements from forces that see it a step ahead
-    tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall
+    tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall; where a crack has advanced by
+        more than l0, three further sweeps tell whether it rests or is held at a saddle point, which is then left
     residual_tolerance : on the relative residual of equilibrium
     acceleration : of the converged scheme: "none" alternates plainly; "anderson" over-relaxes while the phase field
         changes much and guesses from past iterations once it settles; "momentum" does so too, and carries a crack that

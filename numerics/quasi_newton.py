@@ -19,6 +19,7 @@ from .staggered import (
     QuasiStaticDiscretisation,
     StepOutcome,
     remaining_distance,
+    stable,
     staggered_step,
     updated_history,
 )
@@ -92,12 +93,13 @@ def quasi_newton_step(
     if discretisation.fracture is None:
         return staggered_step(discretisation, case, load, give_up)
     discretisation.begin_step()
+    before = discretisation.energies()[1]
     try:
         outcome = _minimised(CoupledEquations(discretisation, case, load), case, give_up)
     except NewtonError:
         outcome = None
     if outcome is not None:
-        return outcome
+        return stable(discretisation, case, load, give_up, outcome, before)
     discretisation.costs.count["left_to_staggering"] += 1
     discretisation.undo()
     return staggered_step(discretisation, case, load, give_up)

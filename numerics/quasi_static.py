@@ -27,7 +27,7 @@ from .linear_solvers import LinearSolverError
 from .path_following import dissipation_step
 from .quasi_newton import CoupledDiscretisation, quasi_newton_step
 from .refinement import FollowingDiscretisation
-from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, staggered_step
+from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, energy_of_advance, staggered_step
 from .status import RunStatus
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
@@ -138,13 +138,11 @@ class _Limits:
     def of(cls, case: Case) -> _Limits:
         """The limits that a case sets."""
         length = float(np.abs(np.diff(case.load.path)).sum()) or 1.0
-        materials = [case.materials[body.material].fracture for body in case.bodies.values()]
-        advances = [f.toughness * f.length_scale for f in materials if f is not None]
         return cls(
             length=length,
             digits=12 - int(np.ceil(np.log10(length))),
             adaptive=case.load.adaptive and case.staggered.scheme != "passes",
-            energy=case.load.largest_advance * case.plane.thickness * min(advances, default=np.inf),
+            energy=case.load.largest_advance * energy_of_advance(case),
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -94,6 +94,10 @@ EQUILIBRIUM_SHARE_OF_RUNNING = 0.3
 SLOW_RATIO = 0.99
 #: changes of the phase field below this are round-off
 NOISE = 1e-11
+#: advance of the crack in one increment, in multiples of l0, behind which an equilibrium is tried
+TRUSTED_ADVANCE = 1.0
+#: sweeps by which it is tried, and share of the tolerance below which their changes say nothing
+SWEEPS, SWEEPS_NOISE = 3, 1e-4
 
 
 class NewtonError(RuntimeError):
@@ -124,8 +128,52 @@ def staggered_step(
     ``give_up(iteration)`` is asked after every iteration; a non-empty reason ends the step as "interrupted".
     """
     discretisation.begin_step()
-    step = _passes if case.staggered.scheme == "passes" else _until_converged
-    return step(discretisation, case, load, give_up)
+    if case.staggered.scheme == "passes":
+        return _passes(discretisation, case, load, give_up)
+    before = discretisation.energies()[1]
+    # points that have moved see last step's nodes elsewhere: map the phase field anew
+    phase_field = discretisation.solve_phase_field(discretisation.history_field)
+    outcome = _until_converged(discretisation, case, load, give_up, phase_field)
+    return stable(discretisation, case, load, give_up, outcome, before)
+
+
+def stable(
+    discretisation: QuasiStaticDiscretisation,
+    case: Case,
+    load: float,
+    give_up: Callable[[int], str],
+    outcome: StepOutcome,
+    energy_before: float,
+) -> StepOutcome:
+    """The outcome, or that of further iterations where a crack that has run is at no minimum of the energy.
+
+    Residuals vanish at a saddle point too, between two places in which the tip would rest: one sweep after the other
+    leaves it by a larger change. ``energy_before`` is the fracture energy before the increment.
+    """
+    trusted = energy_before + TRUSTED_ADVANCE * energy_of_advance(case)
+    settings = case.staggered
+    while outcome.verdict == "converged" and discretisation.energies()[1] > trusted:
+        history_field, changes = outcome.history_field, []
+        for _ in range(SWEEPS):
+            before = discretisation.phase_field.copy()
+            tensile_energy = discretisation.solve_displacement(load, settings.residual_tolerance)
+            history_field = updated_history(case, discretisation.history_field, tensile_energy)
+            changes.append(float(np.abs(discretisation.solve_phase_field(history_field) - before).max()))
+        iterations = outcome.iterations + SWEEPS
+        if changes[-1] <= max(changes[-2], SWEEPS_NOISE * settings.tolerance):
+            return StepOutcome("converged", history_field, iterations)
+        if iterations >= settings.largest_iterations:
+            return StepOutcome("stalled", history_field, iterations, f"{iterations} staggered iterations")
+        discretisation.costs.count["unstable_equilibria"] += 1
+        further = _until_converged(discretisation, case, load, give_up, discretisation.phase_field)
+        outcome = replace(further, iterations=iterations + further.iterations)
+    return outcome
+
+
+def energy_of_advance(case: Case) -> float:
+    """Fracture energy of a crack that advances by l0, where it is least [energy]; inf where nothing breaks."""
+    materials = [case.materials[body.material].fracture for body in case.bodies.values()]
+    return case.plane.thickness * min((f.toughness * f.length_scale for f in materials if f is not None), default=np.inf)
 
 
 def _passes(discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up) -> StepOutcome:
@@ -139,12 +187,12 @@ def _passes(discretisation: QuasiStaticDiscretisation, case: Case, load: float, 
     return StepOutcome("converged", history_field, case.staggered.passes)
 
 
-def _until_converged(discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up) -> StepOutcome:
-    """Displacement and phase field in turn until the phase field rests."""
+def _until_converged(
+    discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up, phase_field: NDArray
+) -> StepOutcome:
+    """Displacement and phase field in turn, from a phase field (n_points,) on, until it rests."""
     settings = case.staggered
     committed = discretisation.history_field
-    # points that have moved see last step's nodes elsewhere: map the phase field anew
-    phase_field = discretisation.solve_phase_field(committed)
     history_field, change, before = committed, np.inf, np.inf
     acceleration = acceleration_of(settings, discretisation.costs)
     for iteration in range(1, settings.largest_iterations + 1):

@@ -45,7 +45,8 @@ def test_it_follows_the_curve_of_the_staggered_scheme_with_few_factorisations(va
     assert len(forces) > 0.6 * judgeable
     assert np.abs(forces[:, 1] - forces[:, 0]).max() <= 2e-3 * forces.max()
     counted = discretisation.costs.count
-    assert counted["quasi_newton_iterations"] > counted["newton"] == counted["left_to_staggering"] == 0
+    assert counted["left_to_staggering"] == 0
+    assert counted["quasi_newton_iterations"] > 5 * counted["newton"], "the sweeps behind a crack that has run"
     assert counted["factorisations"] < 5 * counted["increments"] < before.costs.count["factorisations"] / 2
 
 
