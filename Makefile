@@ -12,10 +12,10 @@ RECORD ?=
 HISTORY ?=
 MAP ?=
 
-.PHONY: help install judge verify charts test lint readme docs clean
+.PHONY: help install judge verify chapter4 charts test lint readme docs clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 install: .venv/developed ## make .venv with the pinned dependencies, the project and what its tests and lint need
 
@@ -53,6 +53,9 @@ verify: .venv/installed ## run, judge and report: CASE= (default all), TIER= qui
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); verdict=$$?; \
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS) || exit $$?; \
 	if [ $$verdict -eq 0 ]; then exit $$ran; fi; exit $$verdict
+
+chapter4: ## chapter 4's plates and panel at the thesis's resolution, both solvers: JOBS= at a time
+	@$(MAKE) --no-print-directory verify TIER=paper CASE="sen_tension sen_shear l_panel plate_with_hole"
 
 # A case without charts or maps at this tier says so (3) and the other is made.
 charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and report; RECORD=1 records them, without CASE all
