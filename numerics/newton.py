@@ -7,6 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cases import Case
+
 from .costs import Costs
 from .staggered import NewtonError
 
@@ -16,6 +18,9 @@ LARGEST_CUTS = 5
 #: that is nothing to the body, without end
 PATIENCE = 6
 LOOSE_TOLERANCE = 1e-4
+#: share of the forces that would stretch a body by as much as it is moved, below which forces say nothing: those of a
+#: body that is moved as a whole are the rounding of its strain
+LEAST_FORCES = 1e-7
 #: stiffness of torn material in the tangent, as a share of the whole one's: a lower one flings it to and fro
 TORN_STIFFNESS = 1e-4
 #: a step is long enough when the slope of the energy along it has fallen to this share
@@ -32,6 +37,14 @@ def load_ratio(load: float, before: float) -> float:
     """
     ratio = load / before if before else 1.0
     return ratio if 0.0 < ratio <= LARGEST_SCALING else 1.0
+
+
+def least_forces(case: Case, stiffness: NDArray) -> float:
+    """Scale of forces over the largest displacement, below which none are judged [force/length].
+
+    stiffness : (n_bodies, 3, 3) [stress]
+    """
+    return LEAST_FORCES * float(stiffness.max()) * case.plane.thickness
 
 
 class Residual(Protocol):

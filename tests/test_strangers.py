@@ -6,11 +6,13 @@ from typing import Any
 
 import meshio
 import numpy as np
+import pandas as pd
 import pytest
 
 from cases import Case, CaseError, case_from_tables
 from fem_reference.mesh.build import build_mesh
 from mpm.grid import Grid
+from verify.metrics.health import health, suspicions
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 PLATE: dict[str, Any] = {
@@ -266,3 +268,33 @@ def test_a_place_far_from_the_origin_changes_nothing(solver):
     assert force(at(5e5, 4e6), solver) == pytest.approx(force(at(0.0, 0.0), solver), rel=1e-6)
     with pytest.raises(CaseError, match=r"'mesh.h' = 0.125 is too small for bodies that lie as far from the origin"):
         at(0.0, 4e8)
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"constraints": [PLATE["constraints"][0], {"on": "left", "direction": "x", "scale": 1}]},
+        {
+            "bodies": {
+                name: {"material": "steel", "shape": {"rectangle": {"lower": [x, 0], "upper": [x + 0.9, 1]}}}
+                for name, x in (("one", 0.0), ("other", 1.1))
+            },
+            "constraints": [
+                PLATE["constraints"][0],
+                {"on": "left", "direction": "x", "value": 0},
+                {"on": "right", "direction": "x", "scale": 1},
+            ],
+        },
+    ],
+    ids=["one", "apart"],
+)
+def test_bodies_that_are_moved_as_a_whole_carry_nothing(solver, changes):
+    case = plate(solver, **changes)
+    discretisation = DISCRETISATIONS[solver](case)
+    records = list(solver_records(discretisation, case))
+    assert records[-1].is_good and records[-1].u == 0.001
+    rows, fields = pd.DataFrame([record.row() for record in records]), discretisation.fields()
+    assert abs(rows["F"].iloc[-1]) < 1e-9 * 210.0 * 0.001
+    assert fields.displacement[-1, 0] == pytest.approx(0.001, rel=1e-9)
+    assert not suspicions(health(case, rows, fields, discretisation.measures()), {})

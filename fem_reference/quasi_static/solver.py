@@ -22,7 +22,7 @@ from numerics.costs import Costs
 from numerics.element_quality import scaled_jacobian
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
-from numerics.newton import TORN_STIFFNESS, load_ratio, newton
+from numerics.newton import TORN_STIFFNESS, least_forces, load_ratio, newton
 from numerics.phase_field_equation import ScalarAtPoints
 from numerics.refinement import carried
 from numerics.staggered import LoadWork, NewtonError
@@ -136,6 +136,7 @@ class FiniteElements:
         materials = MaterialTable(case)
         self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))
         self._law = materials.law, basis.body.astype(np.uint32)
+        self._least_forces = least_forces(case, materials.stiffness)
         self.equilibrium = MeshEquilibrium(case, basis, self.costs)
         constraints, breaks = self.equilibrium.constraints, bool(materials.breakable.any())
         _check_built(case, basis, constraints)
@@ -242,7 +243,8 @@ class FiniteElements:
             self._evaluate_forces()
             trial.nodal_forces, applied = self.equilibrium.nodal_forces(trial.load, trial.displacement)
             trial.applied = applied + self._held_back.at(abs(trial.load))
-            return self.equilibrium.residual(trial.nodal_forces), max(self.committed.force_scale, trial.applied)
+            least = self._least_forces * np.abs(trial.displacement).max()
+            return self.equilibrium.residual(trial.nodal_forces), max(self.committed.force_scale, trial.applied, least)
 
     def _evaluate_forces(self) -> None:
         trial, geometry = self.trial, self.geometry

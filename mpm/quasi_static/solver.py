@@ -25,7 +25,7 @@ from mpm.quasi_static.point_state import Places, PointState, TrialState
 from numerics.costs import Costs
 from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
-from numerics.newton import TORN_STIFFNESS, newton
+from numerics.newton import TORN_STIFFNESS, least_forces, newton
 from numerics.staggered import LoadWork
 from numerics.surface import loaded_lengths
 from physics.acting import Acts, EigenstrainAtPoints
@@ -44,6 +44,7 @@ class MaterialPoints:
         self.case, self.costs = case, Costs()
         grid, cloud, materials = Grid(case), place_points(case), MaterialTable(case)
         self._law = materials.law, cloud.body.astype(np.uint32)
+        self._least_forces = least_forces(case, materials.stiffness)
         self.basis = PointBasis(case, grid, cloud, materials)
         breaks = bool(materials.breakable.any())
         self.fracture = GridPhaseField(case, grid, materials, cloud.body, self.costs) if breaks else None
@@ -161,7 +162,8 @@ class MaterialPoints:
             residual = equilibrium.residual(trial.nodal_forces) + self._supports.springs.residual(of_springs)
             applied = np.linalg.norm(trial.nodal_forces[equilibrium.prescribed]) + np.linalg.norm(of_springs)
             trial.applied = float(applied + np.linalg.norm(external) + self._held_back.at(abs(trial.load)))
-            return residual, max(self.state.force_scale, trial.applied)
+            least = self._least_forces * np.abs(trial.increment).max()
+            return residual, max(self.state.force_scale, trial.applied, least)
 
     def _evaluate_stresses(self) -> None:
         trial, basis = self.trial, self.basis

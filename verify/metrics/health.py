@@ -114,7 +114,7 @@ INDICATORS = {
 def health(case: Case, history: pd.DataFrame, fields: Fields | None, measures: Mapping[str, float]) -> dict[str, float]:
     """The indicators that apply to a run, from its history, its last state and what its solver tells."""
     found = {name: value for name, value in measures.items() if name in INDICATORS}
-    found |= _of_history(case, history)
+    found |= _of_history(case, history, fields)
     if fields is not None:
         load = float(history["u"].iloc[-1]) if len(history) else 0.0
         found |= _of_fields(case, fields) | _coarse_tips(case, fields, load) | _coarse_cells(case, fields, history)
@@ -130,13 +130,13 @@ def suspicions(found: Mapping[str, float | None], accepted: Mapping[str, str]) -
     ]
 
 
-def _of_history(case: Case, history: pd.DataFrame) -> dict[str, float]:
+def _of_history(case: Case, history: pd.DataFrame, fields: Fields | None) -> dict[str, float]:
     if not len(history):
         return {}
     found = {"phase_field_range": max(0.0, -float(history["c_min"].min()))} if case.fracture_enabled else {}
     rows = history if case.dynamics else history[history["c_min"].to_numpy() >= _WHOLE]
     if len(rows) > 1 and case.exact is None:
-        scale = max(largest_energy(rows), _ROUND_OFF * _held_back(case, rows))
+        scale = max(largest_energy(rows), _ROUND_OFF * _held_back(case, rows), _LEAST * _stretched(case, fields))
         if scale > 0.0:
             found["energy_balance"] = float(np.abs(missing_energy(rows)).max() / scale)
     return found
@@ -144,6 +144,19 @@ def _of_history(case: Case, history: pd.DataFrame) -> dict[str, float]:
 
 #: energies below this share of that which eigenstrains would store in bodies that are held all round are none
 _ROUND_OFF = 1e-5
+
+
+#: and below this share of that which would stretch a body by as much as it is moved
+_LEAST = 1e-9
+
+
+def _stretched(case: Case, fields: Fields | None) -> float:
+    """Energy that would stretch bodies at rest by the largest displacement [energy]; 0 in dynamics."""
+    if fields is None or case.dynamics:
+        return 0.0
+    used = [case.materials[body.material] for body in case.bodies.values()]
+    stiffest = max(float(m.stiffness.matrix().max()) if m.stiffness else m.lam + 2.0 * m.mu for m in used)
+    return stiffest * case.plane.thickness * float((fields.displacement**2).max(initial=0.0))
 
 
 def _held_back(case: Case, history: pd.DataFrame) -> float:
