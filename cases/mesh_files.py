@@ -87,7 +87,11 @@ def _checked(path: Path, group: str | None, modified: int) -> MeshArrays:
 @lru_cache(maxsize=16)
 def _outline(path: Path, group: str | None, modified: int) -> BaseGeometry:
     mesh = _checked(path, group, modified)
-    return shapely.union_all(shapely.polygons(mesh.points[mesh.cells]))
+    elements = shapely.polygons(mesh.points[mesh.cells])
+    outline, areas = shapely.union_all(elements), shapely.area(elements)
+    if areas.sum() - outline.area > 0.5 * areas.min():
+        raise MeshError(f"{path}: elements lie upon each other; remove what is drawn twice, or regenerate the mesh")
+    return outline
 
 
 @lru_cache(maxsize=16)

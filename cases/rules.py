@@ -24,8 +24,9 @@ from cases.table import nearest, only_known
 MOST_CELLS = 100_000
 # Rounding of coordinates beyond this share of h would part what is joined.
 _FAR = 1e-6
-# Bodies overlap when they share more than this part of the smaller one.
-_OVERLAP = 1e-6
+# Bodies overlap when they share more than this part of the smaller one; those from mesh files, whose edges cut circles
+# short, where they share what is wider than twice this part of h.
+_OVERLAP, _DEPTH = 1e-6, 0.1
 #: keys that explicit integration does not look at, with the value that says what it does, None where none does
 WITHOUT_EFFECT: dict[str, Any] = {
     "mesh.geometry": "initial",
@@ -243,13 +244,16 @@ def _basis_is_smooth_enough(case: CaseDescription) -> None:
 
 
 def _bodies_are_apart(case: CaseDescription) -> None:
-    shapes = {name: body.shape.outline() for name, body in case.bodies.items() if body.shape}
-    names, outlines = list(shapes), list(shapes.values())
+    names, bodies = list(case.bodies), list(case.bodies.values())
+    outlines = [body.outline() for body in bodies]
     pairs = shapely.STRtree(outlines).query(np.array(outlines, dtype=object), "intersects").T
     for first, second in sorted(pairs[pairs[:, 0] < pairs[:, 1]].tolist()):
         a, b = outlines[first], outlines[second]
-        if a.intersection(b).area > _OVERLAP * min(a.area, b.area):
-            remedy = "move them apart or cut one out of the other with 'difference'"
+        common, from_file = a.intersection(b), bodies[first].mesh or bodies[second].mesh
+        if from_file:
+            common = common.buffer(-_DEPTH * case.mesh.h)
+        if common.area > _OVERLAP * min(a.area, b.area):
+            remedy = "move them apart" + ("" if from_file else " or cut one out of the other with 'difference'")
             raise BrokenRuleError(f"overlaps the body '{names[first]}'", remedy, f"bodies.{names[second]}")
 
 

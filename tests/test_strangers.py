@@ -298,3 +298,46 @@ def test_bodies_that_are_moved_as_a_whole_carry_nothing(solver, changes):
     assert abs(rows["F"].iloc[-1]) < 1e-9 * 210.0 * 0.001
     assert fields.displacement[-1, 0] == pytest.approx(0.001, rel=1e-9)
     assert not suspicions(health(case, rows, fields, discretisation.measures()), {})
+
+
+def grid_of_quads(lower: tuple[float, float], size: tuple[float, float], n: int = 4) -> meshio.Mesh:
+    """A rectangle of n x n elements."""
+    x, y = np.meshgrid(*(np.linspace(start, start + side, n + 1) for start, side in zip(lower, size, strict=True)))
+    corner = (np.arange(n) + (n + 1) * np.arange(n)[:, None]).ravel()
+    points = np.column_stack([x.ravel(), y.ravel(), 0.0 * x.ravel()])
+    return meshio.Mesh(points, [("quad", corner[:, None] + [0, 1, n + 2, n + 1])])
+
+
+@pytest.mark.parametrize(
+    "other", [{"mesh": "a.vtk"}, {"mesh": "b.vtk"}, {"shape": {"rectangle": {"lower": [0.5, 0.5], "upper": [2, 2]}}}]
+)
+def test_bodies_from_mesh_files_do_not_overlap(other, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    grid_of_quads((0.0, 0.0), (1.0, 1.0)).write("a.vtk")
+    grid_of_quads((0.9, 0.0), (1.0, 1.0)).write("b.vtk")
+    bodies = {"a": {"material": "steel", "mesh": "a.vtk"}, "b": {"material": "steel", **other}}
+    with pytest.raises(CaseError, match=r"'bodies\.b' overlaps the body 'a'; move them apart\.$"):
+        plate("mpm", bodies=bodies)
+
+
+def test_facets_of_mesh_files_along_a_circle_may_overlap(tmp_path, monkeypatch):
+    """A disc within a ring whose nodes are others: each cuts the circle short elsewhere."""
+    monkeypatch.chdir(tmp_path)
+    for name, radii, count in (("disc", (0.3, 1.0), 40), ("ring", (1.0, 1.5), 36)):
+        angle = 2.0 * np.pi * np.arange(count) / count
+        circle = np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+        number = np.arange(count)
+        cells = np.column_stack([number, number + count, np.roll(number, -1) + count, np.roll(number, -1)])
+        meshio.Mesh(np.concatenate([radius * circle for radius in radii]), [("quad", cells)]).write(f"{name}.vtk")
+    bodies = {name: {"material": "steel", "mesh": f"{name}.vtk"} for name in ("disc", "ring")}
+    assert plate("mpm", bodies=bodies, mesh={"h": 0.1}).bounding_box()[1].tolist() == pytest.approx([1.5, 1.5])
+
+
+def test_elements_that_lie_upon_others_are_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    below, above = grid_of_quads((0.0, 0.0), (2.0, 1.0)), grid_of_quads((0.3, 0.3), (0.35, 0.35), 1)
+    points = np.concatenate([below.points, above.points])
+    cells = np.concatenate([below.cells[0].data, above.cells[0].data + len(below.points)])
+    meshio.Mesh(points, [("quad", cells)]).write("twice.vtk")
+    with pytest.raises(CaseError, match=r"twice\.vtk: elements lie upon each other; remove"):
+        plate("mpm", bodies={"plate": {"material": "steel", "mesh": "twice.vtk"}})
