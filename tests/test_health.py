@@ -374,3 +374,41 @@ def test_tips_of_a_slit_under_pressure_cost_more(solver, tmp_path):
     (coarse, told), (fine, less) = factor(0.05), factor(0.0125)
     assert told - less == pytest.approx((fine - coarse) / fine, rel=0.25)
     assert told > INDICATORS["coarse_tips"].limit
+
+
+WEDGE = {"polygon": {"points": [[0, 0], [2, 0], [2, 1], [0, 1], [0, 0.51], [1, 0.5], [0, 0.49]]}}
+SLANTED = {"polygon": {"points": [[0.4, 0.29], [1.2, 0.69], [1.2, 0.71], [0.4, 0.31]]}}
+
+
+def less(cut: dict[str, Any]) -> dict[str, Any]:
+    """The plate without a shape."""
+    return {"difference": {"of": {"rectangle": {"lower": [0, 0], "upper": [2, 1]}}, "minus": [cut]}}
+
+
+@pytest.mark.parametrize(
+    ("shapes", "order", "tripped"),
+    [
+        ([WEDGE], 1, True),
+        ([less(SLANTED)], 1, True),
+        ([less({"rectangle": {"lower": [0, 0.49], "upper": [1, 0.51]}})], 2, True),
+        # a row of cells of its own, across which no linear function reaches
+        ([less({"rectangle": {"lower": [0, 0.49], "upper": [1, 0.51]}})], 1, False),
+        ([less({"rectangle": {"lower": [0, 0.45], "upper": [1, 0.55]}})], 2, False),
+        ([less({"disc": {"centre": [1.0, 0.5], "radius": 0.06}})], 2, False),
+        ([{"rectangle": {"lower": [x, 0], "upper": [x + 0.95, 1]}} for x in (0.0, 1.05)], 3, True),
+        ([{"rectangle": {"lower": [x, 0], "upper": [x + 1.0, 1]}} for x in (0.0, 1.0)], 3, False),
+    ],
+)
+def test_a_gap_that_the_grid_does_not_see_is_told(shapes, order, tripped, tmp_path):
+    bodies = {f"part{number}": {"material": "steel", "shape": shape} for number, shape in enumerate(shapes)}
+    changes = {"bodies": bodies, "constraints": [{"on": "bottom", "direction": d, "value": 0} for d in "xy"]}
+    pulled = {"on": "top", "direction": "y", "scale": 1}
+    case = plate("mpm", **changes | {"constraints": [*changes["constraints"], pulled]}, mpm={"order": order})
+    assert ("bridged_gap" in beyond(examined(case, tmp_path, "mpm"))) == tripped
+
+
+@pytest.mark.parametrize(("width", "tripped"), [(0.05, True), (0.25, False)])
+def test_a_gap_in_a_moving_body_that_its_grid_does_not_see_is_told(width, tripped, tmp_path):
+    cut = {"rectangle": {"lower": [0.5, 0.5 - 0.5 * width], "upper": [1.5, 0.5 + 0.5 * width]}}
+    case = case_from_tables({**BEAM, "bodies": {"beam": {"material": "m", "shape": less(cut)}}}, run="mpm")
+    assert ("bridged_gap" in beyond(examined(case, tmp_path, "mpm"))) == tripped

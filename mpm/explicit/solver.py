@@ -17,6 +17,7 @@ from mpm.explicit.phase_field import PointPhaseField
 from mpm.explicit.prescribed import Tractions, held_lines
 from mpm.explicit.rigid_body import FreeRigidBody, make_body
 from mpm.explicit.step_bound import stable_step
+from mpm.gaps import gap_health_in_bodies
 from mpm.grid import GridError
 from mpm.placement import PointCloud, place_in_bodies, placement_health_in_bodies
 from numerics.built import check_notches_part
@@ -262,7 +263,7 @@ class ExplicitMaterialPoints:
     def measures(self) -> dict[str, float]:
         """Errors against an exact solution, half-width and peak of the pressure on a floor, lengths of loaded edges."""
         errors = moving_errors(self.case, self.fields()) | loaded_lengths(self._tractions.lengths)
-        errors |= placement_health_in_bodies(self.case, self.cloud)
+        errors |= placement_health_in_bodies(self.case, self.cloud) | gap_health_in_bodies(self.case)
         return errors | _pressure_on_floor(self.case, self.contact, self._moving)
 
     def checkpoint(self) -> dict[str, NDArray]:

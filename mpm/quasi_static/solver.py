@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from cases import Case
+from mpm.gaps import gap_health
 from mpm.grid import Grid, GridCells
 from mpm.placement import place_points, placement_health
 from mpm.quasi_static import displacement_kernels as kernels
@@ -283,4 +284,5 @@ class MaterialPoints:
         errors = exact_errors(self.case, self.fields(), self.state.load)
         if len(self._supports.springs.places):
             errors["constraint_error"] = self.state.constraint_error
-        return errors | placement_health(self.case, self.basis.cloud) | loaded_lengths(self._loads.lengths)
+        health = placement_health(self.case, self.basis.cloud) | gap_health(self.case, self.basis.grid)
+        return errors | health | loaded_lengths(self._loads.lengths)

@@ -98,6 +98,11 @@ INDICATORS = {
         0.05, "0 for points in order; points at random were 7 to 25 % off",
         'set mpm.placement = "regular" or "gauss"',
     ),
+    "bridged_gap": Indicator(
+        "length in cells over which material points on both sides of a gap in or between bodies hang together",
+        2.5, "2 at the bottom of a V-notch of 30 degrees, 5 to 9 % off; 4 in one of 20, 8 to 15 % off",
+        'make mesh.h smaller, or draw a narrow notch with kind = "slit" or "cells" rather than in the shape',
+    ),
     "numerical_fracture": Indicator(
         "pieces that a body which cannot break has fallen into",
         0.0, "what cannot break stays in one piece",
