@@ -138,6 +138,9 @@ def test_tables_as_people_write_them_are_read(text: str, square: Case, tmp_path:
         ("time,u,F\n0,0,0\n2,1,1\n1,2,1\n", "", "the time falls in row 3, from 2 to 1"),
         ("u,F\n0,0\n1,2,3\n", "", "row 2 has 3 cells and the header 2 (u, F)"),
         ("u,u\n0,0\n", "", "names a column twice (u, u)"),
+        ("u,F\n2,0\n1,2\n0,0\n", "", "the rows go back from u = 2 to 0; sort them"),
+        ("u,F,d\n0,0,0\n1,2,95\n", "", "or the damage from 0 to 95; give a share of 1"),
+        ("u,F,c_min\n0,0,1\n1,2,-1\n", "", "the phase field goes from -1 to 1"),
         ("u,F\n0,0\n", "", "has one row"),
     ],
 )
@@ -246,6 +249,14 @@ def test_the_elastic_part_tells_where_a_difference_comes_from(
 ) -> None:
     judged = judged_without_page(square, U, factor * F, tmp_path)
     assert said in judged.remarks[0]
+
+
+@pytest.mark.parametrize("F", [0.0 * F, 0.0 * F + 0.3])
+def test_a_force_that_never_grows_is_told(square: Case, tmp_path: Path, F: np.ndarray) -> None:
+    """As the reaction in the direction that nothing moves."""
+    judged = judged_without_page(square, U, F, tmp_path)
+    assert judged.verdict == "FAIL"
+    assert f"no force is larger than the first one, {F[0]:g}; map the column of the force" in judged.remarks[0]
 
 
 def test_an_axis_read_with_an_offset_is_told(square: Case, tmp_path: Path) -> None:

@@ -354,9 +354,14 @@ def _kept_folders(case: Case, out: Path) -> list[Path]:
 def _elastic_line(curve: Curve) -> tuple[float, float]:
     """Slope of the first branch between a tenth and two fifths of the way to the peak, where readings are surest, and
     the u at which that line meets F = 0.
+
+    Raises CurveError where the first row has the largest force already.
     """
     end = peak_index(curve)
     way = np.abs(curve.u[: end + 1] - curve.u[0])
+    if not way.any():
+        remedy = "map the column of the force that moves the load, and begin with the unloaded state"
+        raise CurveError(f"history: no force is larger than the first one, {curve.F[0]:g}; {remedy}")
     places = np.linspace(0.1, 0.4, 13) * way.max()
     force = np.interp(places, np.maximum.accumulate(way), curve.F[: end + 1])
     slope, offset = np.polyfit(places, force, 1)

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 #: columns of a history that count the work of our own solvers
 _COUNTS = ("staggered", "newton", "seconds")
+#: how far a phase field may leave 0 to 1
+_OVERSHOOT = 0.2
+#: share of the first u down to which a table goes back that is sorted from its end
+_BACK = 0.05
 #: a column that carries its unit in its name: "u_mm", "F [kN]"
 _WITH_UNIT = re.compile(r"(?P<name>[A-Za-z]\w*?)(?:_(?P<plain>[A-Za-zµ]+)|\s*[\[(](?P<unit>[^\])]+)[\])])")
 
@@ -164,7 +168,9 @@ def mapped(table: pd.DataFrame, mapping: Mapping, case: Case, file: str) -> pd.D
     for target, source in {**_named(table, case), **mapping.sources}.items():
         columns[target] = _values(table, target, source, case, file)
     _apply_words(columns, mapping, case)
+    _require_phase_field(columns, file)
     _require_curve(columns, table, file, case)
+    _require_loading(columns, file, case)
     return _completed(columns, case)
 
 
@@ -221,6 +227,13 @@ def _apply_words(columns: dict[str, np.ndarray], mapping: Mapping, case: Case) -
         columns["c_min"] = 1.0 - columns["c_min"]
 
 
+def _require_phase_field(columns: dict[str, np.ndarray], file: str) -> None:
+    least, largest = (float(find(columns.get("c_min", np.ones(1)))) for find in (np.min, np.max))
+    if least < -_OVERSHOOT or largest > 1.0 + _OVERSHOOT:
+        said = f"the phase field goes from {least:g} to {largest:g}, or the damage from {1 - largest:g} to {1 - least:g}"
+        raise ImportedError(f'{file}: {said}; give a share of 1, such as "d = COLUMN / 100" of a damage in percent.')
+
+
 def _require_curve(columns: dict[str, np.ndarray], table: pd.DataFrame, file: str, case: Case) -> None:
     needed = ("time",) if case.dynamics else ("u", "F")
     if case.dynamics and "time" not in columns and "u" in columns:
@@ -240,6 +253,16 @@ def _require_curve(columns: dict[str, np.ndarray], table: pd.DataFrame, file: st
         row = int(fall.argmax()) + 2
         said = f"the time falls in row {row}, from {times[row - 2]:g} to {times[row - 1]:g}"
         raise ImportedError(f"{file}: {said}; sort the rows or give one run alone.")
+
+
+def _require_loading(columns: dict[str, np.ndarray], file: str, case: Case) -> None:
+    """A case that loads from 0 on has no table that begins loaded and does nothing but go back there."""
+    if case.dynamics or case.load.path[0] != 0.0:
+        return
+    way = np.abs(columns["u"])
+    if way[-1] < _BACK * way[0] and not (np.diff(way) > 0.0).any():
+        said = f"the rows go back from u = {columns['u'][0]:g} to {columns['u'][-1]:g}"
+        raise ImportedError(f"{file}: {said}; sort them from the first state to the last.")
 
 
 def _completed(columns: dict[str, np.ndarray], case: Case) -> pd.DataFrame:
