@@ -1,5 +1,6 @@
 """Results from elsewhere: mapped, kept, judged; what they lack is said, what is wrong in them is one sentence."""
 
+import hashlib
 import json
 import shutil
 import subprocess
@@ -28,6 +29,7 @@ from verify.judging.foreign import ForeignResult, Judgement, judge_foreign
 from verify.judging.summary import compare
 from verify.pytest_plugin import FractureCase
 from verify.runs import running
+from verify.runs.atomic import WriteError, replace_folder
 from verify.runs.importing import ImportedError, history_of, mapped, read_table
 from verify.runs.kept import main_runs, read_kept, reduced, restore
 from verify.runs.running import run
@@ -402,6 +404,85 @@ def test_a_changed_archive_is_refused(square: Case, tmp_path: Path) -> None:
             changed.writestr(name, data.replace(b"210", b"211") if name.endswith("case.toml") else data)
     with pytest.raises(ArchiveError, match=r"case\.toml is missing or was changed"):
         read_archive(tmp_path / "changed.zip", tmp_path / "there")
+
+
+def resealed(archive: Path, summary: bytes) -> Path:
+    """The archive with another summary, of which its metadata tell."""
+    with zipfile.ZipFile(archive) as opened:
+        content = {name: opened.read(name) for name in opened.namelist()} | {"summary.json": summary}
+    crate = json.loads(content[METADATA])
+    for entity in crate["@graph"]:
+        if entity["@type"] == "File":
+            entity["sha256"] = hashlib.sha256(content[entity["@id"]]).hexdigest()
+    content[METADATA] = json.dumps(crate).encode()
+    with zipfile.ZipFile(archive.with_name("other.zip"), "w") as other:
+        for name, data in content.items():
+            other.writestr(name, data)
+    return archive.with_name("other.zip")
+
+
+@pytest.mark.parametrize(
+    ("summary", "said"),
+    [
+        (b"[", "tells of no case"),
+        (b"[]", "tells of no case"),
+        (b'{"cases": []}', "tells of no case"),
+        (b'{"cases": [{"case": "../own", "tier": "quick", "verdict": "PASS"}]}', "has no runs of case '../own'"),
+        (b'{"cases": [{"case": "square", "tier": "..", "verdict": "PASS"}]}', "case 'square' at tier '..'"),
+    ],
+)
+def test_an_archive_that_leads_elsewhere_leaves_what_is_there(
+    summary: bytes, said: str, square: Case, tmp_path: Path
+) -> None:
+    write_archive(square, tmp_path / "made", tmp_path / "square.zip")
+    own = tmp_path / "there" / "own" / "mine.txt"
+    own.parent.mkdir(parents=True)
+    own.touch()
+    with pytest.raises(ArchiveError, match=said):
+        read_archive(resealed(tmp_path / "square.zip", summary), tmp_path / "there")
+    assert own.exists()
+
+
+@pytest.mark.parametrize("metadata", [b"{", b"{}", b'{"@graph": [{"@id": "x"}]}', b'{"@graph": []}'])
+def test_an_archive_whose_metadata_tell_nothing_is_refused(metadata: bytes, square: Case, tmp_path: Path) -> None:
+    write_archive(square, tmp_path / "made", tmp_path / "square.zip")
+    file = tmp_path / "other.zip"
+    with zipfile.ZipFile(tmp_path / "square.zip") as opened, zipfile.ZipFile(file, "w") as other:
+        for name in opened.namelist():
+            other.writestr(name, metadata if name == METADATA else opened.read(name))
+    with pytest.raises(ArchiveError, match=r"(cannot be read|was added); get the archive again"):
+        read_archive(file, tmp_path / "there")
+
+
+def test_an_archive_that_is_damaged_or_none_is_refused(square: Case, tmp_path: Path) -> None:
+    write_archive(square, tmp_path / "made", tmp_path / "square.zip")
+    with zipfile.ZipFile(tmp_path / "square.zip") as archive:
+        at = archive.getinfo("summary.json").header_offset + 60
+    data = bytearray((tmp_path / "square.zip").read_bytes())
+    data[at : at + 8] = bytes(8)
+    (tmp_path / "damaged.zip").write_bytes(data)
+    for file, said in (("damaged.zip", "damaged one"), (".", "cannot be read")):
+        with pytest.raises(ArchiveError, match=said):
+            read_archive(tmp_path / file, tmp_path / "there")
+
+
+def test_an_archive_does_not_replace_runs_of_ones_own(square: Case, tmp_path: Path) -> None:
+    write_archive(square, tmp_path / "made", tmp_path / "square.zip")
+    own = tmp_path / "there" / "runs" / "square" / "quick" / "fem" / "run.json"
+    own.parent.mkdir(parents=True)
+    own.touch()
+    with pytest.raises(ArchiveError, match=r"holds runs of a case of this name.* --out"):
+        read_archive(tmp_path / "square.zip", tmp_path / "there")
+    assert own.exists()
+    read_archive(tmp_path / "square.zip", tmp_path / "elsewhere")
+    read_archive(tmp_path / "square.zip", tmp_path / "elsewhere")  # one that was read before is replaced
+
+
+def test_a_folder_that_cannot_be_replaced_keeps_its_name(tmp_path: Path) -> None:
+    (tmp_path / "old").mkdir()
+    with pytest.raises(WriteError):
+        replace_folder(tmp_path / "nothing", tmp_path / "old")
+    assert (tmp_path / "old").is_dir()
 
 
 # ------------------------------------------------------------------------------------ other people's tests

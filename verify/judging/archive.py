@@ -13,6 +13,7 @@ import json
 import shutil
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from typing import Any
 
 from cases import Case, UserError, load_case
 from cases.copies import write_copy
+from cases.judging import TIERS
 from verify.judging.judge import find_runs, judge_case
 from verify.judging.summary import summarise, write_summary
 from verify.judging.views import Json
@@ -147,17 +149,18 @@ def read_archive(file: Path, out: Path) -> Imported:
     """
     with _opened(file) as archive, tempfile.TemporaryDirectory(dir=_made(out)) as place:
         root = Path(place)
-        archive.extractall(root)
+        _extract(file, archive, root)
         _require_unchanged(file, root)
-        summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
-        (before,) = summary["cases"]
-        name, tier = before["case"], before["tier"]
+        name, tier, verdict = _contents(file, root)
+        if (out / "runs" / name / tier).exists() and not (out / "cases" / name).exists():
+            text = "holds runs of a case of this name, which those of the archive would replace"
+            raise ArchiveError(f"{out / 'runs' / name / tier}: {text}; give another folder with --out.")
         for part in (Path("cases") / name, Path("runs") / name / tier):
             (out / part).parent.mkdir(parents=True, exist_ok=True)
             replace_folder(root / part, out / part)
     judged = summarise([load_case(out / "cases" / name, tier)], tier, out)
     write_summary(judged, out)
-    return Imported(before["verdict"], judged)
+    return Imported(verdict, judged)
 
 
 def _made(folder: Path) -> Path:
@@ -172,7 +175,9 @@ def _opened(file: Path) -> Iterator[zipfile.ZipFile]:
     except FileNotFoundError:
         raise ArchiveError(f"{file}: is no file; name one that `verify archive` wrote.") from None
     except zipfile.BadZipFile:
-        raise ArchiveError(f"{file}: is no zip file or a damaged one; make it again with `verify archive`.") from None
+        raise _damaged(file) from None
+    except OSError as error:
+        raise ArchiveError(f"{file}: cannot be read ({error.strerror}); name one that `verify archive` wrote.") from None
     with archive:
         names = archive.namelist()
         if not {METADATA, "summary.json"} <= set(names):
@@ -184,12 +189,40 @@ def _opened(file: Path) -> Iterator[zipfile.ZipFile]:
         yield archive
 
 
+def _damaged(file: Path) -> ArchiveError:
+    return ArchiveError(f"{file}: is no zip file or a damaged one; make it again with `verify archive`.")
+
+
+def _extract(file: Path, archive: zipfile.ZipFile, root: Path) -> None:
+    try:
+        archive.extractall(root)
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError):  # or encrypted, or in a way that is not known
+        raise _damaged(file) from None
+
+
 def _require_unchanged(file: Path, root: Path) -> None:
-    """Every file is what the metadata say of it."""
-    graph = json.loads((root / METADATA).read_text(encoding="utf-8"))["@graph"]
-    for entity in graph:
-        if entity["@type"] != "File":
-            continue
-        path = root / entity["@id"]
-        if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != entity["sha256"]:
-            raise ArchiveError(f"{file}: {entity['@id']} is missing or was changed; get the archive again.")
+    """Every file is what the metadata say of it, and there is none of which they say nothing."""
+    try:
+        graph = json.loads((root / METADATA).read_text(encoding="utf-8"))["@graph"]
+        told = {entity["@id"]: entity["sha256"] for entity in graph if entity["@type"] == "File"}
+    except (ValueError, LookupError, TypeError):
+        raise ArchiveError(f"{file}: {METADATA} cannot be read; get the archive again.") from None
+    there = {path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file()} - {METADATA}
+    for name in sorted(map(str, there | told.keys())):
+        if name not in there or hashlib.sha256((root / name).read_bytes()).hexdigest() != told.get(name):
+            what = "is missing or was changed" if name in told else "was added"
+            raise ArchiveError(f"{file}: {name} {what}; get the archive again.")
+
+
+def _contents(file: Path, root: Path) -> tuple[str, str, str]:
+    """Name and tier of the case, which have folders in the archive, and the verdict that it was made with."""
+    try:
+        (told,) = json.loads((root / "summary.json").read_text(encoding="utf-8"))["cases"]
+        name, tier, verdict = (str(told[key]) for key in ("case", "tier", "verdict"))
+    except (ValueError, LookupError, TypeError):
+        raise ArchiveError(f"{file}: summary.json tells of no case; get the archive again.") from None
+    cases = [path.name for path in (root / "cases").glob("*")]
+    if name not in cases or tier not in TIERS or not (root / "runs" / name / tier).is_dir():
+        text = f"{file}: has no runs of case {name!r} at tier {tier!r}, of which summary.json tells"
+        raise ArchiveError(f"{text}; get the archive again.")
+    return name, tier, verdict
