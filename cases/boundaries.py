@@ -26,6 +26,9 @@ EDGES: tuple[Edge, ...] = ("left", "right", "bottom", "top")
 # Axis and corner (0 lower, 1 upper) of each edge of a box.
 _SIDES: dict[str, tuple[int, int]] = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 
+# Corners of the polygon that stands for a quarter of a circle.
+_QUARTER = 256
+
 
 class BoundarySet(Table):
     """One of: edge, edges (of the bounding box of all bodies), box (filled), point, circle (line), segment, group.
@@ -109,6 +112,15 @@ class BoundarySet(Table):
             part = _within((lines - start) @ axes.T, -slack, np.array([length, 0.0]) + slack)
         part[np.ptp(part, axis=1) * np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) <= 4.0 * tolerance] = 0.0
         return part
+
+    def line(self) -> BaseGeometry | None:
+        """The segment, circle or flat box as a line; None of what is none."""
+        if self.circle:
+            return shapely.Point(self.circle.centre).buffer(self.circle.radius, quad_segs=_QUARTER).exterior
+        ends = self.segment or ((self.box.lower, self.box.upper) if self.box else None)
+        if ends is None or (self.box and np.not_equal(*ends).all()) or tuple(ends[0]) == tuple(ends[1]):
+            return None
+        return shapely.LineString(ends)
 
     def in_meshes(self, meshes: Sequence[Path]) -> BoundarySet:
         """The set with the mesh of its group filled in: its own, or the first of those of the bodies that has it."""

@@ -65,7 +65,7 @@ class NodeConstraints:
         if not len(selected):
             raise MeshError(
                 f"{case.source}: constraints[{number}].on = '{on}': no node of the mesh lies on it, so it would hold"
-                " nothing; move it onto a body, or make mesh.h smaller than it"
+                " nothing; move it onto a body, within one along lines of nodes, or make mesh.h smaller than it"
             )
         return selected
 

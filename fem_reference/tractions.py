@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cases import Case
 from cases.loads import Traction
 from fem_reference.element_basis import ElementBasis
+from numerics.built import check_line_is_followed
 from numerics.surface import Edges, check_held_length, check_loaded_length
 
 #: an edge of an element is held where both of its nodes are: all of it but for rounding
@@ -48,13 +49,17 @@ def traction_forces(case: Case, basis: ElementBasis) -> list[LoadedEdge]:
 
 
 def check_held_edges(case: Case, basis: ElementBasis) -> None:
-    """Raise BuiltError where a constraint on the displacement holds edges of another length than the drawn ones."""
+    """Raise BuiltError where a constraint on the displacement holds edges of another length than the drawn ones, or one
+    on a line within bodies holds single nodes.
+    """
     remedy = "let it end where nodes are, at multiples of mesh.h from the body's corners, or make mesh.h smaller"
     _, edges = _boundary_edges(basis)
     for number, constraint in enumerate(case.constraints):
         if constraint.direction != "phase":
             whole = np.ptp(edges.on(case, case.boundaries[constraint.on]), axis=1) > 1.0 - WHOLE
             check_held_length(case, number, float(edges.lengths[whole].sum()), remedy)
+        instead = ', or draw a notch of kind "history"' if constraint.direction == "phase" else ""
+        check_line_is_followed(case, number, basis.nodes, basis.elements, f"lay it along lines of nodes{instead}")
 
 
 def _boundary_edges(basis: ElementBasis) -> tuple[NDArray, Edges]:

@@ -10,12 +10,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from shapely import LineString
 
 from cases import Case, CaseError
 from cases.notches import CellsNotch
+
+from .description import outlines
 
 #: below this share of the largest, a singular value of the constraints on rigid motions is none
 _RANK = 1e-7
@@ -74,6 +78,53 @@ def _ends_within(case: Case, notch: CellsNotch) -> NDArray:
     """Mask (2,) of the ends of a notch that lie in a body by more than half a cell."""
     ends, depth = np.array([notch.start, notch.end]), 0.5 * case.mesh.h
     return np.logical_or.reduce([body.contains(ends, -depth) for body in case.bodies.values()])
+
+
+def check_line_is_followed(case: Case, number: int, places: NDArray, cells: NDArray, remedy: str) -> None:
+    """Raise BuiltError where nodes that a constraint holds on a line within bodies are single ones, not side by side.
+
+    places : (n, 2) of the nodes. cells : (n_cells, k) nodes of each
+    """
+    on = case.constraints[number].on
+    line, slack = case.boundaries[on].line(), 1e-6 * case.mesh.h
+    if line is None:
+        return
+    inside = line.intersection(shapely.union_all(outlines(case)).buffer(slack))
+    inside = shapely.line_merge(inside) if inside.geom_type == "MultiLineString" else inside
+    held = np.flatnonzero(case.boundaries[on].select(places, slack, case.bounding_box()))
+    for part in shapely.get_parts(inside):
+        near = held[shapely.dwithin(part, shapely.points(places[held]), 0.01 * case.mesh.h)]
+        gap = _first_gap(part, shapely.line_locate_point(part, shapely.points(places[near])), near, cells, places)
+        if gap is not None:
+            start, end = (shapely.get_coordinates(part.interpolate(at))[0] for at in gap)
+            raise BuiltError(
+                f"{case.source}: constraints[{number}].on = '{on}': no node lies on it from ({start[0]:.6g},"
+                f" {start[1]:.6g}) to ({end[0]:.6g}, {end[1]:.6g}), so that it would hold single points; {remedy}"
+            )
+
+
+def _first_gap(
+    line: LineString, along: NDArray, nodes: NDArray, cells: NDArray, places: NDArray
+) -> tuple[float, float] | None:
+    """Where on a line no cell has nodes at both ends of a stretch between the nodes (n,), which lie along (n,) it.
+
+    What is left at the line's ends is no longer than a cell there.
+    """
+    stops, rank_of = np.unique(np.round(along, 9 - int(np.ceil(np.log10(line.length)))), return_inverse=True)
+    ranks = np.full(len(places), -1)
+    ranks[nodes] = rank_of
+    of_cells = ranks[cells]
+    seen = cells[(of_cells >= 0).any(axis=1)]
+    size = float(np.ptp(places[seen], axis=1).max(initial=0.0)) or float(np.ptp(places[cells], axis=1).max())
+    joined = np.zeros(max(0, len(stops) - 1), bool)
+    for row in of_cells[(of_cells >= 0).sum(axis=1) > 1]:
+        joined[[rank for rank in set(row) if rank >= 0 and rank + 1 in row]] = True
+    for rank in np.flatnonzero(~joined):
+        return float(stops[rank]), float(stops[rank + 1])
+    first, last = (stops[0], stops[-1]) if len(stops) else (line.length, line.length)
+    if first > 1.5 * size:
+        return 0.0, float(first)
+    return (float(last), line.length) if line.length - last > 1.5 * size else None
 
 
 def check_support(case: Case, holds: Holds, part: NDArray, body: NDArray) -> None:

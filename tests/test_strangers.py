@@ -341,3 +341,47 @@ def test_elements_that_lie_upon_others_are_refused(tmp_path, monkeypatch):
     meshio.Mesh(points, [("quad", cells)]).write("twice.vtk")
     with pytest.raises(CaseError, match=r"twice\.vtk: elements lie upon each other; remove"):
         plate("mpm", bodies={"plate": {"material": "steel", "mesh": "twice.vtk"}})
+
+
+SLOPE, LEVEL = {"segment": [[0.5, 0.2], [1.5, 0.8]]}, {"segment": [[0.5, 0.5], [1.5, 0.5]]}
+INNER = {"circle": {"centre": [1.0, 0.5], "radius": 0.3}}
+AROUND = {"plate": {"material": "steel", "shape": {"difference": {
+    "of": {"rectangle": {"lower": [0, 0], "upper": [2, 1]}}, "minus": [{"disc": INNER["circle"]}],
+}}}}  # fmt: skip
+
+
+@pytest.mark.parametrize("held", [{"direction": "phase", "value": 0}, {"direction": "x", "value": 0}])
+@pytest.mark.parametrize(
+    ("changes", "lies_on_nodes"),
+    [
+        ({"boundaries": {"line": SLOPE}}, False),
+        ({"boundaries": {"line": INNER}}, False),
+        ({"boundaries": {"line": LEVEL}}, True),
+        ({"boundaries": {"line": {"segment": [[0.5, 0.0], [1.5, 1.0]]}}}, True),
+        ({"boundaries": {"line": {"segment": [[1.0, 0.5], [5.0, 0.5]]}}}, True),
+        ({"boundaries": {"line": {"box": {"lower": [0.5, 0.5], "upper": [1.5, 0.5]}}}}, True),
+        ({"boundaries": {"line": LEVEL}, "notches": [{"kind": "slit", "start": [1.0, 0.2], "end": [1.0, 0.8]}]}, True),
+        ({"boundaries": {"line": INNER}, "bodies": AROUND}, True),
+    ],
+)
+def test_a_line_that_would_be_held_at_single_nodes_is_refused(changes, lies_on_nodes, held):
+    boundaries = {**PLATE["boundaries"], **changes["boundaries"]}
+    constraints = [*PLATE["constraints"], {"on": "line", **held}]
+    given = {**changes, "boundaries": boundaries, "constraints": constraints, "materials": BREAKING, "mesh": {"h": 0.1}}
+    # the grid of the material points does not follow a circle, and holds displacements by places of their own
+    for solver in ("fem", "mpm") if held["direction"] == "phase" and "bodies" not in changes else ("fem",):
+        case = plate(solver, **given)
+        if lies_on_nodes:
+            DISCRETISATIONS[solver](case)
+            continue
+        with pytest.raises(CaseError, match=r"constraints\[3\]\.on = 'line': no node lies on it from .* lay it along"):
+            DISCRETISATIONS[solver](case)
+
+
+def test_a_phase_field_that_would_be_held_between_the_lines_of_a_grid_is_refused():
+    between = {**PLATE["boundaries"], "line": {"segment": [[0.5, 0.52], [1.5, 0.52]]}}
+    held = [*PLATE["constraints"], {"on": "line", "direction": "phase", "value": 0}]
+    changes = {"boundaries": between, "constraints": held, "materials": BREAKING, "mesh": {"h": 0.1}}
+    for solver in ("fem", "mpm"):
+        with pytest.raises(CaseError, match=r"constraints\[3\]\.on = 'line': no node .* it would hold nothing"):
+            DISCRETISATIONS[solver](plate(solver, **changes))

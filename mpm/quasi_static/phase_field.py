@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from mpm.grid import Grid, GridError
+from mpm.grid import Grid, GridCells, GridError
 from mpm.quasi_static import phase_field_kernels as kernels
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.constraints import nodes_on
 from mpm.quasi_static.point_basis import BasisValues
+from numerics.built import check_line_is_followed
 from numerics.costs import Costs
 from numerics.linear_solvers import lift_empty_diagonal
 from numerics.phase_field_equation import PhaseFieldEquation, PhaseFieldTerms, ScalarAtPoints
@@ -20,6 +21,17 @@ from physics.phase_field import PhaseFieldCoefficients
 
 #: unknowns whose diagonal is below this share of the usual one matter to nobody, whatever their values
 BARELY_SEEN = 1e-6
+
+
+def _check_held(case: Case, grid: Grid, number: int, nodes: NDArray) -> None:
+    """Raise GridError or BuiltError where a constraint on the phase field holds no node, or single ones of a line."""
+    remedy, on = 'lay it along lines of the grid, or draw a notch of kind "history"', case.constraints[number].on
+    if not len(nodes):
+        text = f"constraints[{number}].on = '{on}': no node of the grid lies on it, so it would hold nothing"
+        raise GridError(f"{case.source}: {text}; {remedy}")
+    x, y = (cells.ravel() for cells in np.indices(grid.shape))
+    cells = grid.cell_nodes(GridCells(x, y, np.zeros(len(x), int)))
+    check_line_is_followed(case, number, grid.nodes, cells, remedy)
 
 
 class GridPhaseField:
@@ -43,6 +55,7 @@ class GridPhaseField:
             if constraint.direction == "phase":
                 grid.check_edges_interpolate(f"constraints[{number}].direction = 'phase'", "mpm.order = 1")
                 nodes, _ = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
+                _check_held(case, grid, number, nodes)
                 # the slope is held at zero with the value, Eq. 5.11
                 nodes = grid.beside(nodes) if self._fourth_order else nodes
                 self._held[nodes], self._first[nodes] = True, constraint.value
