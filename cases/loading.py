@@ -17,6 +17,8 @@ from cases.units import Acceleration, Length, Number, Rate, Time, Velocity, quan
 
 # smallest increment = increment / SMALLEST_SHARE where the file gives none: six halvings.
 SMALLEST_SHARE = 64
+# Increments of a load and steps in time beyond which a number is a slip of the pen.
+MOST_INCREMENTS, MOST_STEPS = 1_000_000, 1_000_000_000
 
 
 class Constraint(Table):
@@ -174,6 +176,9 @@ class Load(Table):
         if self.increment > longest * (1.0 + 1e-9):
             remedy = f"make it no more than {longest:g}"
             raise BrokenRuleError("is longer than every leg of the path", remedy, "increment", self.increment)
+        if sum(legs) > MOST_INCREMENTS * least:
+            text = f"asks for more than {MOST_INCREMENTS} increments on a path of {sum(legs):g}"
+            raise BrokenRuleError(text, "make it larger", "increment", least)
         for number, (later, leg) in enumerate(zip(self.later_increments, legs[1:], strict=False)):
             if later > leg * (1.0 + 1e-9):
                 remedy = f"make it no more than {leg:g}"
@@ -229,6 +234,9 @@ class Dynamics(Table):
         if self.time_step is not None and {"time_step_rule", "time_step_share"} & self.model_fields_set:
             remedy = "leave out time_step_rule and time_step_share, or time_step"
             raise BrokenRuleError("stands beside the rule for it", remedy, "time_step", self.time_step)
+        if self.time_step is not None and self.end_time > MOST_STEPS * self.time_step:
+            text = f"asks for more than {MOST_STEPS} steps to end_time = {self.end_time:g}"
+            raise BrokenRuleError(text, "make it larger, or leave it out", "time_step", self.time_step)
         return self
 
     @model_validator(mode="after")

@@ -412,3 +412,14 @@ def test_a_gap_in_a_moving_body_that_its_grid_does_not_see_is_told(width, trippe
     cut = {"rectangle": {"lower": [0.5, 0.5 - 0.5 * width], "upper": [1.5, 0.5 + 0.5 * width]}}
     case = case_from_tables({**BEAM, "bodies": {"beam": {"material": "m", "shape": less(cut)}}}, run="mpm")
     assert ("bridged_gap" in beyond(examined(case, tmp_path, "mpm"))) == tripped
+
+
+@pytest.mark.parametrize(("spin", "tripped"), [(0.2, False), (2.0, True)])
+def test_moving_elements_that_turn_are_told(spin, tripped, tmp_path):
+    """Nodes go on along straight lines: the body grows by the square of its angle."""
+    whirl = {"material": "m", "shape": BEAM["bodies"]["beam"]["shape"], "velocity_gradient": [[0, -spin], [spin, 0]]}
+    changes = {"bodies": {"beam": whirl}, "constraints": [], "dynamics": {"end_time": 0.2}}
+    case = case_from_tables({**BEAM, **changes}, run="fem")
+    found = examined(case, tmp_path, "fem")
+    assert found["turned"] == pytest.approx(0.2 * spin, rel=0.01)
+    assert ("turned" in beyond(found)) == tripped

@@ -53,6 +53,8 @@ def body(**table: Any) -> dict[str, Any]:
         ({"materials": {"steel": {"young": "1e200 GPa", "poisson": 0.3}}}, "is beyond every stress"),
         ({**MOVING, "dynamics": {"end_time": 1e-6, "damping": 1e300}}, "'dynamics.damping' = 1e+300 is beyond every"),
         ({**MOVING, "dynamics": {"end_time": 1e-6, "gravity": [0.0, -1e300]}}, "is beyond every acceleration"),
+        ({"load": {"path": [0.0, 0.001], "increment": 1e-12}}, "'load.increment' = 1e-12 asks for more than 1000000"),
+        ({**MOVING, "dynamics": {"end_time": 1.0, "time_step": 1e-15}}, "asks for more than 1000000000 steps"),
         ({"mpm": {"order": 1, "margin": 10**9}}, "'mpm.margin' = 1000000000 must be at most 100"),
         ({"runs": {"fem": {"solver": "fem", "sweep": {"mpm.seed": list(range(2000))}}}}, "stands for 2000 runs"),
         ({"runs": {"fem": {"solver": "fem", "sweep": {"mesh.element": ["x" * 250]}}}}, "by more than 240 bytes"),

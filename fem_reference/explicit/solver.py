@@ -206,8 +206,11 @@ class ExplicitFiniteElements:
         )
 
     def measures(self) -> dict[str, float]:
-        """Lengths of the edges that tractions act on."""
-        return loaded_lengths(edge.length for edge in self._nodes.loaded_edges)
+        """Lengths of the edges that tractions act on, and how far the body has turned, as its small strains see it."""
+        self._bring_up_to_date()
+        _, ux_y, uy_x, _ = np.moveaxis(self._present.strain.gradient, -1, 0)
+        turned = abs(float(np.average(0.5 * (uy_x - ux_y), weights=self.basis.volume)))
+        return loaded_lengths(edge.length for edge in self._nodes.loaded_edges) | {"turned": turned}
 
     def fields(self) -> Fields:
         """Gauss points and nodes as they stand."""

@@ -103,6 +103,11 @@ INDICATORS = {
         2.5, "2 at the bottom of a V-notch of 30 degrees, 5 to 9 % off; 4 in one of 20, 8 to 15 % off",
         'make mesh.h smaller, or draw a narrow notch with kind = "slit" or "cells" rather than in the shape',
     ),
+    "turned": Indicator(
+        "angle by which a body has turned whose strains are small ones on its first geometry [radians]",
+        0.1, "by 0.1 it has grown by one percent, by 1 to twice its area",
+        'run it with solver = "mpm", whose points turn with their stress',
+    ),
     "numerical_fracture": Indicator(
         "pieces that a body which cannot break has fallen into",
         0.0, "what cannot break stays in one piece",
