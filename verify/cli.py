@@ -282,10 +282,12 @@ def borders(
 
     base, rows = load_case(case, tier), []
     asked: list[float | None] = [*ratios] if ratios else [None]
-    for name in selected_runs(base, run_names):
-        solver = base.run_spec(name).solver
-        if not SOLVERS[solver].of_rigid_block:
-            continue
+    solvers = {name: base.run_spec(name).solver for name in selected_runs(base, run_names)}
+    of_blocks = {name: solver for name, solver in solvers.items() if SOLVERS[solver].of_rigid_block}
+    if not of_blocks:
+        known = ", ".join(name for name, solver in SOLVERS.items() if solver.of_rigid_block)
+        raise CaseError(f"{base.source}: no run has a solver of a rigid block; give one the solver {known}.")
+    for name, solver in of_blocks.items():
         for ratio in asked:
             change = {"rocking": {"borders": []}, "dynamics": {"ground": {"frequency_ratio": ratio}}} if ratio else {}
             loaded = load_case(case, tier, name, change)
