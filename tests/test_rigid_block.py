@@ -175,7 +175,8 @@ def test_borders_of_a_case_without_a_rigid_block_are_refused(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["borders", "sen_tension", "--out", str(tmp_path)])
     assert ended.value.code == 3
-    assert "no run has a solver of a rigid block; give one the solver pendulum" in " ".join(capsys.readouterr().err.split())
+    said = " ".join(capsys.readouterr().err.split())
+    assert "no run has a solver of a rigid block; give one the solver pendulum" in said
     assert not list(tmp_path.iterdir())
 
 
