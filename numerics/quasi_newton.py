@@ -15,11 +15,14 @@ from .displacement_equations import DisplacementEquations
 from .newton import search
 from .phase_field_equation import PhaseFieldEquation
 from .staggered import (
+    SWEEPS,
     NewtonError,
     QuasiStaticDiscretisation,
     StepOutcome,
+    has_run,
+    lead_away,
     remaining_distance,
-    stable,
+    settle,
     staggered_step,
     updated_history,
 )
@@ -88,18 +91,24 @@ def quasi_newton_step(
 ) -> StepOutcome:
     """Solve one increment by L-BFGS (Wu, Huang and Nguyen 2020, doi 10.1016/j.cma.2019.112704; Nocedal 1980).
 
-    The arguments are those of `staggered_step`, to which an increment is left, and counted, that does not converge.
+    The arguments are those of `staggered_step`, to which an increment is left, and counted, that does not converge; from
+    an equilibrium that is not stable its iterations go on.
     """
     if discretisation.fracture is None:
         return staggered_step(discretisation, case, load, give_up)
     discretisation.begin_step()
-    before = discretisation.energies()[1]
+    before, equations = discretisation.energies()[1], CoupledEquations(discretisation, case, load)
     try:
-        outcome = _minimised(CoupledEquations(discretisation, case, load), case, give_up)
+        outcome = _minimised(equations, case, give_up)
+        if outcome is not None and outcome.verdict == "converged" and has_run(discretisation, case, before):
+            changes, iterations = equations.sweep(SWEEPS), outcome.iterations + SWEEPS
+            if lead_away(discretisation, case, changes):
+                return settle(discretisation, case, load, give_up, before, iterations)
+            outcome = StepOutcome("converged", equations.history_field, iterations)
     except NewtonError:
         outcome = None
     if outcome is not None:
-        return stable(discretisation, case, load, give_up, outcome, before)
+        return outcome
     discretisation.costs.count["left_to_staggering"] += 1
     discretisation.undo()
     return staggered_step(discretisation, case, load, give_up)
@@ -117,7 +126,7 @@ class CoupledEquations:
         self._equation, self._equilibrium = self._fracture.equation, discretisation.equilibrium
         self._committed = self.history_field = discretisation.history_field
         displacement = discretisation.go_to(load)
-        self.start = np.concatenate([displacement, discretisation.nodal_phase_field[self._equation.free]])
+        self.start = self._reached = np.concatenate([displacement, discretisation.nodal_phase_field[self._equation.free]])
 
     def phase_field(self, unknowns: NDArray) -> NDArray:
         """The part of the phase field of unknowns (n,), or of residuals."""
@@ -128,7 +137,7 @@ class CoupledEquations:
 
         Raises NewtonError where it is not finite.
         """
-        discretisation = self.discretisation
+        discretisation, self._reached = self.discretisation, unknowns
         nodal = discretisation.nodal_phase_field.copy()
         nodal[self._equation.free] = self.phase_field(unknowns)
         discretisation.set_phase_field(nodal)
@@ -158,6 +167,21 @@ class CoupledEquations:
         """Unknowns (n,) that the factors, of each equation by itself, give for a residual (n,)."""
         displacement = self._equilibrium.solver.solve_again(residual[: self._equilibrium.size])
         return np.concatenate([displacement, self._equation.solver.solve_again(self.phase_field(residual))])
+
+    def sweep(self, times: int) -> list[float]:
+        """Go on from the trial state, displacement and phase field in turn by its factors; the latter's changes."""
+        self.factorise()
+        changes, size = [], self._equilibrium.size
+        for _ in range(times):
+            residual = self.residual(self._reached)[0][:size]
+            moved = self._reached.copy()
+            moved[:size] -= self._equilibrium.solver.solve_again(residual)
+            residual = self.residual(moved)[0][size:]
+            step = self._equation.solver.solve_again(residual)
+            self._reached = np.concatenate([moved[:size], moved[size:] - step])
+            changes.append(float(np.abs(step).max()))
+        self.residual(self._reached)
+        return changes
 
 
 def _minimised(equations: CoupledEquations, case: Case, give_up: Callable[[int], str]) -> StepOutcome | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -132,42 +132,54 @@ def staggered_step(
         return _passes(discretisation, case, load, give_up)
     before = discretisation.energies()[1]
     # points that have moved see last step's nodes elsewhere: map the phase field anew
-    phase_field = discretisation.solve_phase_field(discretisation.history_field)
-    outcome = _until_converged(discretisation, case, load, give_up, phase_field)
-    return stable(discretisation, case, load, give_up, outcome, before)
+    discretisation.solve_phase_field(discretisation.history_field)
+    return settle(discretisation, case, load, give_up, before)
 
 
-def stable(
+def settle(
     discretisation: QuasiStaticDiscretisation,
     case: Case,
     load: float,
     give_up: Callable[[int], str],
-    outcome: StepOutcome,
     energy_before: float,
+    iterations: int = 0,
 ) -> StepOutcome:
-    """The outcome, or that of further iterations where a crack that has run is at no minimum of the energy.
+    """Displacement and phase field in turn, from the trial one on, until it rests, at a minimum where a crack has run.
 
-    Residuals vanish at a saddle point too, between two places in which the tip would rest: one sweep after the other
-    leaves it by a larger change. ``energy_before`` is the fracture energy before the increment.
+    energy_before : fracture energy before the increment. iterations : of the increment so far.
     """
-    trusted = energy_before + TRUSTED_ADVANCE * energy_of_advance(case)
-    settings = case.staggered
-    while outcome.verdict == "converged" and discretisation.energies()[1] > trusted:
+    while True:
+        outcome = _until_converged(discretisation, case, load, give_up)
+        iterations += outcome.iterations
+        if outcome.verdict != "converged" or not has_run(discretisation, case, energy_before):
+            return replace(outcome, iterations=iterations)
         history_field, changes = outcome.history_field, []
         for _ in range(SWEEPS):
             before = discretisation.phase_field.copy()
-            tensile_energy = discretisation.solve_displacement(load, settings.residual_tolerance)
+            tensile_energy = discretisation.solve_displacement(load, case.staggered.residual_tolerance)
             history_field = updated_history(case, discretisation.history_field, tensile_energy)
             changes.append(float(np.abs(discretisation.solve_phase_field(history_field) - before).max()))
-        iterations = outcome.iterations + SWEEPS
-        if changes[-1] <= max(changes[-2], SWEEPS_NOISE * settings.tolerance):
+        iterations += SWEEPS
+        if not lead_away(discretisation, case, changes):
             return StepOutcome("converged", history_field, iterations)
-        if iterations >= settings.largest_iterations:
+        if iterations >= case.staggered.largest_iterations:
             return StepOutcome("stalled", history_field, iterations, f"{iterations} staggered iterations")
-        discretisation.costs.count["unstable_equilibria"] += 1
-        further = _until_converged(discretisation, case, load, give_up, discretisation.phase_field)
-        outcome = replace(further, iterations=iterations + further.iterations)
-    return outcome
+
+
+def has_run(discretisation: QuasiStaticDiscretisation, case: Case, energy_before: float) -> bool:
+    """Whether the crack has advanced so far in an increment that what it came to may be no minimum."""
+    return discretisation.energies()[1] > energy_before + TRUSTED_ADVANCE * energy_of_advance(case)
+
+
+def lead_away(discretisation: QuasiStaticDiscretisation, case: Case, changes: Sequence[float]) -> bool:
+    """Whether sweeps by these changes of the phase field lead away from an equilibrium, which is counted.
+
+    Residuals vanish at a saddle point too, between two places in which the tip would rest: one sweep after the other
+    leaves it by a larger change.
+    """
+    away = changes[-1] > max(changes[-2], SWEEPS_NOISE * case.staggered.tolerance)
+    discretisation.costs.count["unstable_equilibria"] += int(away)
+    return away
 
 
 def energy_of_advance(case: Case) -> float:
@@ -187,11 +199,9 @@ def _passes(discretisation: QuasiStaticDiscretisation, case: Case, load: float, 
     return StepOutcome("converged", history_field, case.staggered.passes)
 
 
-def _until_converged(
-    discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up, phase_field: NDArray
-) -> StepOutcome:
-    """Displacement and phase field in turn, from a phase field (n_points,) on, until it rests."""
-    settings = case.staggered
+def _until_converged(discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up) -> StepOutcome:
+    """Displacement and phase field in turn, from the trial one on, until it rests."""
+    settings, phase_field = case.staggered, discretisation.phase_field
     committed = discretisation.history_field
     history_field, change, before = committed, np.inf, np.inf
     acceleration = acceleration_of(settings, discretisation.costs)
