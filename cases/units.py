@@ -124,10 +124,10 @@ class Units(Table):
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """`SIZES` in the units of the case."""
-        units = {kind: self._in_si(kind) for kind in SIZES}
+        units = {kind: self.in_si(kind) for kind in SIZES}
         return {kind: (most / units[kind], least / units[kind]) for kind, (most, least) in SIZES.items()}
 
-    def _in_si(self, kind: str) -> float:
+    def in_si(self, kind: str) -> float:
         """The unit of a kind of quantity in SI units."""
         known = [COMMON[key].get(getattr(self, key)) for key in COMMON]
         if None in known:

@@ -121,6 +121,63 @@ def test_metrics_of_a_known_motion(tmp_path):
         METRICS["overturning_time"](told)
 
 
+def block_in_units(length: str, force: str, time: str, size: float, name: str) -> Case:
+    """A stone of 0.4 m x 2 m under a pulse, drawn in other units of which a metre has a number."""
+    tables = {
+        "title": "Block",
+        "requirement": "It moves alike.",
+        "units": {"length": length, "force": force, "time": time},
+        "plane": {"assumption": "strain", "thickness": "1 m"},
+        "materials": {"stone": {"young": "5 GPa", "poisson": 0.3, "density": "2000 kg/m^3"}},
+        "bodies": {
+            body: {"material": "stone", "shape": {"rectangle": {"lower": [-x, low], "upper": [x, up]}}}
+            for body, x, low, up in (("block", 0.2 * size, 0.0, 2.0 * size), ("ground", size, -size, 0.0))
+        },
+        "dynamics": {
+            "end_time": "4 s",
+            "gravity": [0, "-9.81 m/s^2"],
+            "ground": {"pulse": "sine", "uplift_ratio": 1.5, "frequency_ratio": 3.0},
+        },
+        "rocking": {"body": "block", "on": "ground"},
+        "contact": {"friction": 0.6},
+        "mesh": {"h": 0.1 * size},
+        "runs": {name: {"solver": name}},
+    }
+    return case_from_tables(tables, run=name)
+
+
+@pytest.mark.parametrize("made_by", [PendulumMotion, WinklerMotion])
+def test_a_block_moves_alike_in_other_units(made_by):
+    ends = []
+    for length, force, time, size in (("m", "MN", "s", 1.0), ("mm", "N", "ms", 1e3)):
+        case = block_in_units(length, force, time, size, made_by.solver)
+        told = Told(case, history_of(made_by(case), case))
+        ends.append((METRICS["verdict"](told), METRICS["overturning_time"](told) / size))
+    assert ends[0] == (1.0, pytest.approx(2.2, abs=0.2)) and ends[1] == pytest.approx(ends[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("made_by", [PendulumMotion, WinklerMotion])
+def test_a_block_on_a_ground_that_never_moves_stands(tmp_path, made_by):
+    case = case_of(tmp_path, **no_borders())
+    still = case.model_copy(update={"dynamics": case.dynamics.model_copy(update={"ground": None})})
+    told = Told(still, history_of(made_by(still), still))
+    assert METRICS["tilt"](told, start=0.0, end=4.0) < 1e-9 and METRICS["verdict"](told) == 0.0
+
+
+def test_records_that_pass_over_impacts_give_no_verdict(tmp_path):
+    case = case_of(tmp_path, **pulse(2.5), **no_borders(stop_when_settled=False), output={"records": 6})
+    told = Told(case, history_of(PendulumMotion(case), case))
+    for name in ("verdict", "impacts", "first_impact_time", "first_peak_angle", "energy_kept", "base_offset"):
+        with pytest.raises(MetricError, match=r"is recorded every 0.667 s, .* set output.records to 35 or more"):
+            METRICS[name](told)
+
+
+def test_a_block_that_falls_at_once_has_no_peak(tmp_path):
+    case = case_of(tmp_path, **pulse(4.0), **no_borders(stop_when_settled=False))
+    with pytest.raises(MetricError, match="has no peak"):
+        METRICS["first_peak_angle"](Told(case, history_of(PendulumMotion(case), case)))
+
+
 def test_the_corner_of_the_pendulum_is_that_of_its_base(tmp_path):
     case = case_of(tmp_path, **pulse(1.2), **no_borders(stop_when_settled=False), output={"records": 4000})
     told = Told(case, history_of(PendulumMotion(case), case))

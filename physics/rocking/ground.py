@@ -65,8 +65,8 @@ def cut(motion: GroundMotion, start: float, end: float | None = None) -> GroundM
 
 @njit(cache=True)
 def acceleration(ground, time):
-    """Acceleration [m/s²] at one time [s]; zero before 0 and after the end."""
-    if time < 0.0 or time > ground.end:
+    """Acceleration [m/s²] at one time [s]; zero before 0, after the end and of a ground that never moves."""
+    if time < 0.0 or time > ground.end or ground.end == 0.0:
         return 0.0
     phase = time / ground.end
     if ground.kind == 0:

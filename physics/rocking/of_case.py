@@ -12,7 +12,7 @@ from physics.rocking.block import Block
 from physics.rocking.ground import GroundMotion, cut, pulse, record
 from physics.rocking.pendulum import Pendulum
 from physics.rocking.records import recorded_motion
-from physics.rocking.winkler import Foundation, WinklerBlock, half_space, half_space_stiffness
+from physics.rocking.winkler import PATIENCE, Foundation, WinklerBlock, half_space, half_space_stiffness
 
 REST = pulse("sine", 0.0, 1.0)._replace(end=0.0)
 
@@ -56,7 +56,8 @@ def foundation_of(case: Case) -> Foundation:
 def winkler_of(case: Case) -> WinklerBlock:
     """The Winkler model of the case's block."""
     model = WinklerBlock(block_of(case), foundation_of(case))
-    return WinklerBlock(model.block, model.foundation, model.time_step * _rocking(case).step_share)
+    patience = PATIENCE / case.units.in_si("time")
+    return WinklerBlock(model.block, model.foundation, model.time_step * _rocking(case).step_share, patience)
 
 
 def ground_motion(case: Case, uplift: float | None = None) -> GroundMotion:

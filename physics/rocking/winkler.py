@@ -23,7 +23,7 @@ from physics.rocking.block import Block
 from physics.rocking.ground import GroundMotion, acceleration
 from physics.rocking.motion import IMPACT_ANGLE, OVERTURNED, SAFE_IMPACTS, RockingMotion, verdict_of
 
-#: time that is followed after the ground has come to rest [s]
+#: time that is followed after the ground has come to rest where no end is given [s]
 PATIENCE = 15.0
 #: energy over rest, as a share of what lifts the centre over a corner, with which a block on a ground that rests is safe
 SAFE_ENERGY = 0.5
@@ -113,11 +113,15 @@ class _State(NamedTuple):
 
 @dataclass(frozen=True)
 class WinklerBlock:
-    """A rigid block on a foundation; ``step`` [s] of the integration, a small share of its fastest period without."""
+    """A rigid block on a foundation; ``step`` [s] of the integration, a small share of its fastest period without.
+
+    patience : time that is followed after the ground has come to rest where no end is given [s]
+    """
 
     block: Block
     foundation: Foundation
     step: float | None = None
+    patience: float = PATIENCE
 
     @property
     def time_step(self) -> float:
@@ -151,9 +155,9 @@ class WinklerBlock:
 
         stop_when_settled : end after `SAFE_IMPACTS` impacts of the free motion, or where the block has fallen or has less
             energy than `SAFE_ENERGY`
-        every : steps between the rows that are kept. until : time at which it ends at the latest [s]
+        every : steps between the rows that are kept. until : time at which it ends [s]; `patience` behind the ground's
         """
-        last = min(ground.end + PATIENCE, math.inf if until is None else until)
+        last = ground.end + self.patience if until is None else until
         rows, impacts, overturned = _respond(self._constants, ground, self.time_step, last, stop_when_settled, every)
         verdict, place, velocity = verdict_of(overturned, len(impacts)), rows[:, 1:3], rows[:, 4:6]
         return RockingMotion(

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: numbers of the verdicts, in the order of falling safety
 VERDICTS = (Verdict.SAFE, Verdict.AFTER_IMPACTS, Verdict.NO_IMPACT)
+#: time between two records, in units of 1/p, above which a block comes down and goes up again unseen
+COARSEST = 0.25
 
 
 class Rocking(NamedTuple):
@@ -43,13 +45,28 @@ def rocking_of(run: RunData) -> Rocking:
     return Rocking(history_column(run, "time"), angle, history_column(run, f"{body}_spin"))
 
 
+def _with_impacts(run: RunData) -> Rocking:
+    """The same; MetricError where the records are so far apart that they pass over impacts."""
+    motion = rocking_of(run)
+    from physics.rocking.of_case import block_of  # compiled: on use
+
+    dynamics, records = run.case.dynamics, run.case.output.records
+    assert dynamics is not None
+    whole, frequency = dynamics.end_time - dynamics.start_time, block_of(run.case).frequency
+    if whole * frequency > COARSEST * records:
+        every = f"is recorded every {whole / records:.3g} {run.case.units.time}, in which its block may meet the ground"
+        remedy = f"set output.records to {math.ceil(whole * frequency / COARSEST)} or more"
+        raise MetricError(f"{run_name(run)}: {every}; {remedy}")
+    return motion
+
+
 def verdict_on(run: RunData) -> Verdict:
     """What becomes of the body; MetricError where the run ends before it is known.
 
     A block that has come to rest, or moves with less energy than the barrier where its centre stands over the corner,
     is safe as well.
     """
-    time, angle, rate = rocking_of(run)
+    time, angle, rate = _with_impacts(run)
     from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
 
     case, block = run.case, block_of(run.case)
@@ -72,15 +89,15 @@ def verdict(run: RunData) -> float:
 @metric("number", "impacts of the body that rocks")
 def impacts(run: RunData) -> float:
     """Changes of the angle's sign that go on beyond a tenth of a degree."""
-    return float(len(impacts_of(*rocking_of(run)[:2])))
+    return float(len(impacts_of(*_with_impacts(run)[:2])))
 
 
 def _first_peak(run: RunData) -> int:
     """Row of the largest angle before the first impact, at which the body turns back."""
-    time, angle, _ = rocking_of(run)
+    time, angle, _ = _with_impacts(run)
     first = next(iter(impacts_of(time, angle)), math.inf)
     row = int(np.abs(angle[time <= first]).argmax())
-    if row == len(angle) - 1:
+    if row == len(angle) - 1 or abs(angle[row]) >= math.radians(OVERTURNED) * (1.0 - 1e-9):
         raise MetricError(f"{run_name(run)}: the angle has no peak; it grows until the end")
     return row
 
@@ -88,19 +105,19 @@ def _first_peak(run: RunData) -> int:
 @metric("time", "first peak of the angle")
 def first_peak_time(run: RunData) -> float:
     """Time of the largest angle before the first impact."""
-    return float(rocking_of(run).time[_first_peak(run)])
+    return float(_with_impacts(run).time[_first_peak(run)])
 
 
 @metric("degree", "size of the first peak of the angle")
 def first_peak_angle(run: RunData) -> float:
     """Largest angle before the first impact."""
-    return abs(math.degrees(rocking_of(run).angle[_first_peak(run)]))
+    return abs(math.degrees(_with_impacts(run).angle[_first_peak(run)]))
 
 
 @metric("time", "first impact")
 def first_impact_time(run: RunData) -> float:
     """Time of the first change of the angle's sign that goes on beyond a tenth of a degree."""
-    found = impacts_of(*rocking_of(run)[:2])
+    found = impacts_of(*_with_impacts(run)[:2])
     if not found:
         raise MetricError(f"{run_name(run)}: the body meets no impact")
     return found[0]
@@ -109,7 +126,7 @@ def first_impact_time(run: RunData) -> float:
 @metric("number", "energy at the second peak of free rocking over that at the first")
 def energy_kept(run: RunData) -> float:
     """What an impact leaves, as a rigid block's potential energy at the largest angles before and after it."""
-    time, angle, _ = rocking_of(run)
+    time, angle, _ = _with_impacts(run)
     from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
 
     block, start = block_of(run.case), ground_motion(run.case).end
@@ -176,7 +193,7 @@ def base_offset(run: RunData) -> float:
     (I/m + h² + b²) r²/2 + g (h cos a + b sin |a|), h half of the height: b is fitted where the angle is beyond half of
     its peak.
     """
-    time, angle, rate = rocking_of(run)
+    time, angle, rate = _with_impacts(run)
     from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
 
     block, end = block_of(run.case), ground_motion(run.case).end
@@ -200,7 +217,7 @@ def force_offset(run: RunData) -> float:
 
     A block that trembles on its corner, or whose corner sinks, has its place by this and not by its energy.
     """
-    time, angle, rate = rocking_of(run)
+    time, angle, rate = _with_impacts(run)
     from physics.rocking.of_case import block_of, ground_motion  # compiled: on use
 
     case, block, body = run.case, block_of(run.case), rocking_body(run.case)
