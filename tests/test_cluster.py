@@ -159,6 +159,13 @@ def test_an_address_without_a_scheduler_is_told(
         assert f"{nowhere}: no Dask scheduler answers there" in capsys.readouterr().err
 
 
+def test_what_is_no_address_is_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: pytest.fail("it was looked for"))
+    for name in ("nonsense", "tcp://127.0.0.1"):
+        with pytest.raises(cluster.ClusterError, match=f"{name}: no Dask scheduler answers there"):
+            cluster.worker_count(name)
+
+
 def test_without_dask_one_sentence_tells_how_to_install_it(
     case_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

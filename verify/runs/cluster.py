@@ -4,6 +4,7 @@ A worker is given its next task only when it has done the last one, so that a ru
 whose worker ends is not begun again on another: it comes back as `LostTask`.
 """
 
+import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -18,6 +19,7 @@ from cases.errors import UserError
 PATIENCE = 30.0
 #: seconds between two looks at the tasks
 PAUSE = 0.1
+_ADDRESS = re.compile(r"([a-z]+://)?.+:[0-9]+(/.*)?")
 
 
 class ClusterError(UserError):
@@ -77,6 +79,8 @@ def _connected(address: str) -> Iterator[Any]:
             f"{address}: a cluster needs Dask, which is not installed; do it with `pip install 'dask[distributed]'`."
         ) from missing
     try:
+        if not _ADDRESS.fullmatch(address):
+            raise ValueError("Dask would take it for a name and look for it for a minute")
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ClusterError(
