@@ -1,7 +1,7 @@
 """Values of metrics and what they are held against: in a run, in print, in an exact solution."""
 
 import difflib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from verify.metrics.metric import MetricError
 from verify.metrics.registry import METRICS, PAIR_METRICS, SWEEP_METRICS, find_metric
 from verify.runs.run_folder import RunFolder
 
+#: parameters of metrics that are times in dynamics
+TIMES = {"time", "at", "u", "start", "end", "after"}
 CURVE_METRICS = ("peak_force", "displacement_at_peak", "initial_stiffness")  # of a curve alone
 Available = Callable[[str], RunFolder]
 
@@ -76,12 +78,22 @@ def _require_metric(case: Case, number: int, check: Check) -> None:
 
 def _require_body_and_time(case: Case, check: Check, where: str) -> None:
     """Refuse a body that the case does not have, and a time that its runs do not reach."""
-    body, time = check.parameters.get("body"), check.parameters.get("time")
+    body = check.parameters.get("body")
     if body is not None and body not in case.bodies:
         raise JudgeError(f"{where}.body: {body!r} is no body of this case; name one of {', '.join(case.bodies)}.")
-    end = np.inf if case.dynamics is None else case.dynamics.end_time
-    if isinstance(time, int | float) and time > end * (1.0 + SLACK):
-        raise JudgeError(f"{where}.time: {time:g} comes after dynamics.end_time = {end:g}; give a time up to it.")
+    end = _latest_end(case, members_of(case, check.run))
+    for name in sorted(TIMES & check.parameters.keys()):
+        time = check.parameters[name]
+        if isinstance(time, int | float) and time > end * (1.0 + SLACK):
+            raise JudgeError(f"{where}.{name}: {time:g} comes after dynamics.end_time = {end:g}; give a time up to it.")
+
+
+def _latest_end(case: Case, runs: Sequence[str]) -> float:
+    """Time at which the last of the runs ends; infinite where none moves in time [time]."""
+    if case.dynamics is None:
+        return np.inf
+    own = (case.run_spec(name).change.get("dynamics", {}).get("end_time", case.dynamics.end_time) for name in runs)
+    return max((float(end) if isinstance(end, int | float) else np.inf for end in own), default=case.dynamics.end_time)
 
 
 def _has_counterpart(case: Case, check: Check) -> bool:

@@ -16,10 +16,17 @@ if TYPE_CHECKING:
 
 
 def curve_of(source: RunData | Curve) -> Curve:
-    """The load-displacement curve of a run; a curve is its own."""
+    """The load-displacement curve of a run; a curve is its own. MetricError for a run that moves in time."""
     if isinstance(source, Curve):
         return source
-    return Curve.from_history(source.history, run_name(source))
+    if source.case.dynamics is not None:
+        said = "moves in time, and its F is the power of what acts on it"
+        raise MetricError(f"{run_name(source)}: {said}; ask for energies, momentum or columns of its history")
+    return _over_u(source)
+
+
+def _over_u(run: RunData) -> Curve:
+    return Curve.from_history(run.history, run_name(run))
 
 
 # --- load-displacement curve ----------------------------------------------------------------------
@@ -75,6 +82,9 @@ def fracture_energy(run: RunData) -> float:
 def fracture_energy_gain(run: RunData, *, after: float = 0.0, until: float = np.inf) -> float:
     """Fracture energy that came between two times, without that of notches of broken material."""
     time, energy = history_column(run, "time"), whole_column(run, "E_frac")
+    if not after < min(until, time[-1]):
+        said = f"has nothing between t = {after:g} and {min(until, time[-1]):g}"
+        raise MetricError(f"{run_name(run)}: {said}; run it longer")
     first, last = np.interp([after, min(until, time[-1])], time, energy)
     return float(last - first)
 
@@ -88,7 +98,7 @@ def energy_balance(run: RunData, *, at: str = "peak") -> float:
     """
     if at not in ("peak", "end"):
         raise MetricError(f"metric energy_balance: at = {at!r} is not known; give 'peak' or 'end'")
-    row = curves.peak_index(curve_of(run)) if at == "peak" else -1
+    row = curves.peak_index(_over_u(run)) if at == "peak" else -1
     work, elastic, kinetic, _ = (whole_column(run, name) for name in ("W_ext", "E_el", "E_kin", "E_frac"))
     scale = max(abs(work[row] - work[0]), elastic[0] + kinetic[0])
     return abs(missing_energy(run.history)[row]) / scale if scale else float("nan")
@@ -170,6 +180,8 @@ def history_difference(
     """
     time = history_column(run, "time")
     time = time[(time >= after) & (time <= until)]
+    if not len(time):
+        raise MetricError(f"{run_name(run)}: records nothing from t = {after:g} to {until:g}; run it longer")
     value, target = (_at_times(source, column, time, bool(since_start)) for source in (run, reference))
     return float(np.abs(value - target).max() / np.abs(target).max())
 

@@ -48,6 +48,7 @@ class RunData(Protocol):
     def info(self) -> dict[str, Any]: ...
     def snapshots(self) -> Iterable[tuple[float, int, Any]]: ...
     def points(self, u: float | None = None) -> Any: ...
+    def nearest(self, u: float) -> float: ...
     def __hash__(self) -> int: ...
 
 
@@ -147,6 +148,20 @@ def metric(
 def run_name(run: RunData) -> str:
     """What messages call a run."""
     return f"run {run.info.get('run', '')}".strip()
+
+
+def require_stored(run: RunData, u: float, wanted: float) -> None:
+    """Raise MetricError where fields of u are not those of a wanted displacement, in dynamics of a time.
+
+    They are within an increment, or the time between two records.
+    """
+    if run.case.dynamics is None:
+        near, key, kept_in = max(run.case.load.increments, default=1e-9 * abs(wanted)), "u", "output.snapshots"
+    else:
+        near, key, kept_in = float(np.diff(history_column(run, "time")).max(initial=0.0)), "t", "output.times"
+    if abs(u - wanted) > near:
+        said = f"has no fields at {key} = {wanted:g}, the nearest are of {key} = {u:g}"
+        raise MetricError(f"{run_name(run)}: {said}; add {wanted:g} to {kept_in}, or name another {key}")
 
 
 def history_column(run: RunData, name: str) -> np.ndarray:

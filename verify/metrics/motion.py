@@ -21,7 +21,8 @@ def at_time(run: RunData, name: str, time: float) -> float:
     """A column at a time, between the recorded ones by a parabola through the three nearest."""
     times, values = history_column(run, "time"), history_column(run, name)
     if not times[0] <= time <= times[-1] * (1.0 + 1e-9):
-        raise MetricError(f"{run_name(run)}: ends at t = {times[-1]:g}, before {time:g}")
+        said = f"has no t = {time:g}, it goes from {times[0]:g} to {times[-1]:g}"
+        raise MetricError(f"{run_name(run)}: {said}; run it longer, or ask for another time")
     first = int(np.clip(np.searchsorted(times, time) - 1, 0, max(len(times) - 3, 0)))
     near = slice(first, first + 3)
     weights = np.polyfit(times[near] - time, values[near], len(times[near]) - 1)
@@ -150,7 +151,9 @@ def contact_impulse(run: RunData, *, body: str) -> float:
 def contact_violations(run: RunData) -> float:
     """Share of the nodes in contact at which one of the conditions C.2 to C.4 of Algorithm 3 did not hold."""
     counters = run.info.get("counters", {})
-    if not counters:
+    if "contact_nodes" not in counters:
         raise NotGivenError(f"{run_name(run)}: does not tell at how many nodes contact acted")
+    if not counters["contact_nodes"]:
+        raise MetricError(f"{run_name(run)}: no body touches another; run it longer")
     broken = sum(counters.get(f"contact_C{number}", 0) for number in (2, 3, 4))
-    return broken / max(1, counters.get("contact_nodes", 0))
+    return float(broken / counters["contact_nodes"])

@@ -13,19 +13,23 @@ from verify.metrics import crack_front
 from verify.metrics.crack_front import Branch
 from verify.metrics.crack_path import path_angle
 from verify.metrics.curves import Array
-from verify.metrics.metric import DIRECTION, MetricError, metric, run_name
+from verify.metrics.metric import DIRECTION, MetricError, metric, require_stored, run_name
 
 if TYPE_CHECKING:
     from cases import Case
     from verify.metrics.metric import RunData
 
 AXES = {"x": 0, "y": 1}
+#: phase field below which something is at least damaged
+WHOLE = 1.0 - 1e-6
 #: side of the smallest square, in length scales, that counts as a piece between cracks and not as a gap in one
 ENCLOSED = 4.0
 
 
 def _points(run: RunData, at: float | None = None) -> Any:
-    """Point data of the snapshot nearest to a time, of the last one without."""
+    """Point data of the snapshot of a time, of the last one without; MetricError where there is none of that time."""
+    if at is not None:
+        require_stored(run, run.nearest(at), at)
     return run.points(at).point_data
 
 
@@ -209,13 +213,31 @@ def asymmetry(run: RunData, *, direction: str, middle: float, at: float | None =
     """
     if direction not in AXES:
         raise MetricError(f"metric asymmetry: direction = {direction!r} is not known; give 'x' or 'y'")
+    _require_mirrored_bodies(run.case, AXES[direction], middle)
     data = _points(run, at)
-    return crack_front.asymmetry(_plane(data), np.asarray(data["phase_field"]), AXES[direction], middle)
+    phase_field = np.asarray(data["phase_field"])
+    if not phase_field.min() < WHOLE:
+        raise MetricError(f"{run_name(run)}: has no crack that could be asymmetric; load it longer")
+    return crack_front.asymmetry(_plane(data), phase_field, AXES[direction], middle)
+
+
+def _require_mirrored_bodies(case: Case, axis: int, middle: float) -> None:
+    """MetricError where the bodies that break do not lie on both sides of a line alike."""
+    bounds = [body.bounds() for body in case.bodies.values() if case.materials[body.material].fracture]
+    if not bounds:
+        raise MetricError(f"case {case.name}: no body can break, so that nothing is asymmetric")
+    places = [corner[axis] for pair in bounds for corner in pair]
+    there = 0.5 * (min(places) + max(places))
+    if abs(there - middle) > case.mesh.h:
+        said = f"its bodies have their middle at {'xy'[axis]} = {there:g}, not at {middle:g}"
+        raise MetricError(f"case {case.name}: {said}; give middle = {there:g}")
 
 
 @metric("number", "share of time that the phase field took")
 def phase_field_share(run: RunData) -> float:
     """Share of the stepping time that the phase field took."""
+    if not run.case.fracture_enabled:
+        raise MetricError(f"{run_name(run)}: has no phase field, since nothing can break")
     seconds = run.info.get("seconds", {})
     parts = {name: seconds.get(name, 0.0) for name in ("phase_field", "increments")}
     if not parts["increments"]:

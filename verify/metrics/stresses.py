@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from physics.exact_plates import COMPONENTS, plane_modulus
 from verify.metrics.energy_release import energy_release_rate as release_rate
-from verify.metrics.metric import MetricError, history_column, metric, run_name
+from verify.metrics.metric import MetricError, history_column, metric, require_stored, run_name
 
 if TYPE_CHECKING:
     from verify.metrics.metric import RunData
@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 @metric("stress", "stress at a place")
 def stress_at(run: RunData, *, at: Sequence[float], component: str, radius: float, u: float) -> float:
-    """Mean stress of the points within ``radius`` [length] of the place (2,), in the snapshot nearest to u [length].
+    """Mean stress of the points within ``radius`` [length] of the place (2,), in the snapshot nearest to u [length, in
+    dynamics time].
 
     component : "xx", "yy" or "xy".
     """
-    return _mean_stress(run, _state(run, u)[0], at, component, radius)
+    return _mean_stress(run, _state(run, u)[1], at, component, radius)
 
 
 @metric("number", "stress at a place over the load on a nominal section")
@@ -30,7 +31,7 @@ def stress_concentration(
     run: RunData, *, at: Sequence[float], component: str, section: float, radius: float, u: float
 ) -> float:
     """The metric stress_at over F / (section * thickness); section [length]."""
-    data, force = _state(run, u)
+    data, force = _loaded_state(run, u)
     return _mean_stress(run, data, at, component, radius) * section * run.case.plane.thickness / force
 
 
@@ -43,7 +44,7 @@ def geometry_factor(
 
     tip, direction, inner, outer : as in `energy_release_rate`. length : a, half of an inner crack [length].
     """
-    data, force = _state(run, u)
+    data, force = _loaded_state(run, u)
     nominal = force / (section * run.case.plane.thickness)
     release = release_rate(
         np.asarray(data["reference"])[:, :2], np.asarray(data["volume"]), run.case.plane.thickness,
@@ -55,17 +56,23 @@ def geometry_factor(
     return float(intensity / (abs(nominal) * np.sqrt(np.pi * length)))
 
 
-def _state(run: RunData, u: float) -> tuple[Mapping[str, NDArray], float]:
-    """Data of the points, and force, in the snapshot nearest to the displacement u."""
-    wanted = u
+def _state(run: RunData, wanted: float) -> tuple[float, Mapping[str, NDArray]]:
+    """Displacement, in dynamics time, and data of the points of the snapshot nearest to a wanted one."""
     u, _, points = min(run.snapshots(), key=lambda snapshot: abs(snapshot[0] - wanted))
-    if run.case.dynamics is None and abs(u - wanted) > max(run.case.load.increments, default=1e-9 * abs(wanted)):
-        said = f"has no fields at u = {wanted:g}, the nearest are of u = {u:g}"
-        raise MetricError(f"{run_name(run)}: {said}; add {wanted:g} to output.snapshots, or name another u")
+    require_stored(run, u, wanted)
+    return u, points.point_data
+
+
+def _loaded_state(run: RunData, wanted: float) -> tuple[Mapping[str, NDArray], float]:
+    """Data of the points, and force, in the snapshot nearest to a displacement."""
+    if run.case.dynamics is not None:
+        said = "moves in time, and has no force on a section"
+        raise MetricError(f"{run_name(run)}: {said}; ask for stress_at, or in a quasi-static case")
+    u, data = _state(run, wanted)
     force = float(np.interp(u, history_column(run, "u"), history_column(run, "F")))
     if force == 0.0:
         raise MetricError(f"{run_name(run)}: carries nothing at u = {u:g}; name an output.snapshots with load on it")
-    return points.point_data, force
+    return data, force
 
 
 def _mean_stress(run: RunData, data: Mapping[str, NDArray], at: Sequence[float], component: str, radius: float) -> float:

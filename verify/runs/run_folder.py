@@ -260,6 +260,10 @@ class RunFolder:
         for _, row in self.index.iterrows():
             yield Snapshot(float(row["u"]), int(row["step"]), self._points(row["points_file"]))
 
+    def nearest(self, u: float) -> float:
+        """Displacement of the snapshot nearest to ``u``."""
+        return float(self._nearest(u)["u"])
+
     def points(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
         """Integration points of the snapshot nearest to displacement ``u``; the last state without it."""
         return self._points(self._nearest(u)["points_file"])
