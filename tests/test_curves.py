@@ -257,7 +257,7 @@ def run_of(load_curve, path=((0.0, 0.0), (1.0, 0.0)), h=0.1, **measures):
     elastic = 0.5 * load_curve.F * load_curve.u
     columns = {"u": load_curve.u, "F": load_curve.F, "W_ext": work, "E_el": elastic}
     history = pd.DataFrame({**columns, "E_frac": 3.0 + work - elastic, "E_kin": 0.0})
-    case = SimpleNamespace(mesh=SimpleNamespace(h=h), plane=SimpleNamespace(thickness=2.0), notches=[])
+    case = SimpleNamespace(mesh=SimpleNamespace(h=h), plane=SimpleNamespace(thickness=2.0), notches=[], dynamics=None)
     info = {"run": "a run", "measures": measures}
     return SimpleNamespace(
         history=history, crack_path=np.array(path), case=case, info=info, snapshots=lambda: []

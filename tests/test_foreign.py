@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cases import Case, CaseError, case_from_tables, load_case
+from cases import Case, CaseError, UserError, case_from_tables, load_case
 from cases.errors import BrokenRuleError
 from cases.loader import LIBRARY
 from cases.mapping import parse_mapping
@@ -335,6 +335,33 @@ def test_a_result_that_no_run_can_read_is_refused_before_any(
     assert ended.value.code == 3
     said = capsys.readouterr()
     assert "mine.csv: column 'F' is no finite number in row 2" in " ".join((said.out + said.err).split())
+
+
+CURVE = pd.DataFrame({"u": U, "F": F})
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ([1, 2, 3], r"TABLE: is no table but of the kind list; give a pandas table"),
+        (None, r"TABLE: is no table but of the kind NoneType"),
+        (CURVE.astype(str).replace("0.0", "zero"), r"column 'u' is no finite number in row 1"),
+        (CURVE.assign(F=F * 1j), r"column 'F' is no finite number in row 1"),
+        (pd.concat([CURVE, CURVE["F"]], axis=1), r"names a column twice \(u, F, F\)"),
+    ],
+)
+def test_what_is_no_table_of_numbers_is_told(square: Case, table: Any, said: str, tmp_path: Path) -> None:
+    with pytest.raises(ImportedError, match=said):
+        judge(square, table, out=tmp_path / "judged")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [({"within": "5%"}, "within: '5%' is no share"), ({"within": -1}, "within: -1 is no"), ({"map": 3}, "map: 3 is no")],
+)
+def test_what_is_no_share_or_map_is_told(square: Case, options: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=said):
+        judge(square, CURVE, out=tmp_path / "judged", **options)
 
 
 def test_judging_leaves_runs_of_the_case_alone(square: Case, tmp_path: Path) -> None:

@@ -43,8 +43,11 @@ def synthetic_run(broken: bool = True, shift: float = 0.0):
     }  # fmt: skip
     time = np.linspace(0.0, 50.0, 51)
     history = pd.DataFrame({"time": time, "E_el": 0.01 * time, "E_frac": 0.5 + 0.02 * time + shift})
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    plate = SimpleNamespace(material="glass", bounds=lambda: (lower, upper))
     case = SimpleNamespace(
-        name="drawn", mesh=SimpleNamespace(h=H), plane=SimpleNamespace(thickness=1.0), materials={"glass": GLASS},
+        bodies={"plate": plate}, fracture_enabled=True, name="drawn",
+        mesh=SimpleNamespace(h=H), plane=SimpleNamespace(thickness=1.0), materials={"glass": GLASS},
         all_notches=(HistoryNotch(kind="history", start=(0.0, 20.0), end=tuple(START), factor=1000.0),),
     )  # fmt: skip
     info = {"run": "drawn", "seconds": {"phase_field": 2.0, "increments": 8.0}}

@@ -9,6 +9,7 @@ from pathlib import Path
 import own_solver
 import pytest
 
+from cases import UserError
 from cases.solvers import SOLVERS
 from verify import compare, run
 
@@ -64,3 +65,12 @@ def test_its_failure_is_recorded_as_ours_are(
     finished = run(CASE, "own", out=tmp_path)
     assert (finished.info["status"], finished.info["reason"]) == ("failed", "ArithmeticError: the bar is too thin")
     assert compare(CASE, out=tmp_path)["verdict"] == "RUN_FAILED"
+
+
+@pytest.mark.parametrize("made", [None, [0.0, 1.0], {"u": [0.0, 1.0], "F": [0.0, 1.0]}])
+def test_what_is_no_table_is_told(
+    made: object, tmp_path: Path, registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(own_solver, "solve", lambda case: made)
+    with pytest.raises(UserError, match="run own: is no table but of the kind"):
+        run(CASE, "own", out=tmp_path)

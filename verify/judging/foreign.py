@@ -133,6 +133,11 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
 
 def _require_readable(case: Case, foreign: ForeignResult) -> None:
     """Raise UserError for what is wrong in the map or the files, while they have the names that the user knows."""
+    if not isinstance(foreign.map, str):
+        raise UserError(f'map: {foreign.map!r} is no text; write one such as "u = U2, F = -2 * RF2 [N]".')
+    within = foreign.within
+    if within is not None and not (isinstance(within, int | float) and 0.0 < within < np.inf):
+        raise UserError(f"within: {within!r} is no share; give a number above 0, such as 0.05 for 5 %.")
     try:
         mapping = parse_mapping(foreign.map)
     except BrokenRuleError as error:

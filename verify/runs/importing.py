@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -164,6 +164,7 @@ def mapped(table: pd.DataFrame, mapping: Mapping, case: Case, file: str) -> pd.D
     ------
     ImportedError : a column is missing, of another unit or not finite, or the time does not grow
     """
+    _require_columns(table, file)
     columns: dict[str, np.ndarray] = {}
     for target, source in {**_named(table, case), **mapping.sources}.items():
         columns[target] = _values(table, target, source, case, file)
@@ -172,6 +173,15 @@ def mapped(table: pd.DataFrame, mapping: Mapping, case: Case, file: str) -> pd.D
     _require_curve(columns, table, file, case)
     _require_loading(columns, file, case)
     return _completed(columns, case)
+
+
+def _require_columns(table: Any, file: str) -> None:
+    if not isinstance(table, pd.DataFrame):
+        kind = type(table).__name__
+        raise ImportedError(f"{file}: is no table but of the kind {kind}; give a pandas table with a row for each state.")
+    names = list(map(str, table.columns))
+    if len(set(names)) < len(names):
+        raise ImportedError(f"{file}: names a column twice ({listed(names)}); rename one.")
 
 
 def _named(table: pd.DataFrame, case: Case) -> dict[str, Source]:
@@ -193,7 +203,7 @@ def _values(table: pd.DataFrame, target: str, source: Source, case: Case, file: 
         remedy = nearest(source.column, list(map(str, table.columns)), "").partition(" (")[0]
         said = f"has no column {source.column!r} for {target}; it has {listed(table)}"
         raise ImportedError(f"{file}: {said}{'; ' if remedy else ''}{remedy}.")
-    values = table[source.column].to_numpy(dtype=float)
+    values = _real_numbers(table[source.column])
     bad = ~np.isfinite(values)
     if bad.any():
         where = f"{source.column!r} is no finite number in row {int(bad.argmax()) + 1} ({bad.sum()} of {len(bad)} rows)"
@@ -206,6 +216,13 @@ def _values(table: pd.DataFrame, target: str, source: Source, case: Case, file: 
             said += ", since u is the factor of this case's loads and F their work per factor"
         raise ImportedError(f"{file}: {said}; {error.remedy}.") from None
     return values * source.factor * factor
+
+
+def _real_numbers(column: pd.Series) -> np.ndarray:
+    """A column (n,) as numbers, NaN where it holds texts, times or complex numbers."""
+    if column.dtype.kind in "cmM":
+        return np.full(len(column), np.nan)
+    return pd.to_numeric(column, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
 
 
 def _kinds(case: Case) -> dict[str, str]:

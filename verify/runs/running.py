@@ -168,8 +168,8 @@ def tabulate(case: Case, run_name: str, folder: Path) -> RunFolder:
     started = time.perf_counter()
     try:
         made = getattr(import_module(module), name)(case)
-        table, path, states, *_ = (*made, {}) if isinstance(made, tuple) else (made, path, {})
-        table = history_of(table, case)
+        given, path, states, *_ = (*made, {}) if isinstance(made, tuple) else (made, path, {})
+        table = history_of(given, case)
         path = _traced(states, case) if len(path) == 0 else path
         if states:
             from verify.runs.field_energies import complete
