@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ _FAR = 1e-6
 # Bodies overlap when they share more than this part of the smaller one; those from mesh files, whose edges cut circles
 # short, where they share what is wider than twice this part of h.
 _OVERLAP, _DEPTH = 1e-6, 0.1
+#: tables, or keys of them, that finite elements do not look at
+OF_POINTS = ("mpm", "contact", *(f"dynamics.{key}" for key in ("affine", "flip", "order_of_update", "rotation")))
 #: keys that explicit integration does not look at, with the value that says what it does, None where none does
 WITHOUT_EFFECT: dict[str, Any] = {
     "mesh.geometry": "initial",
@@ -85,9 +88,13 @@ def _names_are_defined(case: CaseDescription) -> None:
                 _defined(item.on, list(case.bodies), f"{key}[{number}].on", "body")
     if case.contact.normals_of is not None:
         _defined(case.contact.normals_of, list(case.bodies), "contact.normals_of", "body")
+    pairs = [frozenset(pair.bodies) for pair in case.contact.pairs]
     for number, pair in enumerate(case.contact.pairs):
         for name in pair.bodies:
             _defined(name, list(case.bodies), f"contact.pairs[{number}].bodies", "body")
+        if len(pairs[number]) == 1 or pairs[number] in pairs[:number]:
+            text = "stands there already" if len(pairs[number]) > 1 else "is a body and itself"
+            raise BrokenRuleError(text, "name each pair once", f"contact.pairs[{number}].bodies", list(pair.bodies))
 
 
 def _is_static_or_dynamic(case: CaseDescription) -> None:
@@ -116,7 +123,10 @@ def _schemes_apply(case: CaseDescription) -> None:
 
 def _fits_statics(case: CaseDescription) -> None:
     moving = [f"constraints[{n}].velocity" for n, c in enumerate(case.constraints) if c.velocity is not None]
-    moving += [f"bodies.{name}.rigid" for name, body in case.bodies.items() if body.is_free_rigid]
+    for name, body in case.bodies.items():
+        moving += [f"bodies.{name}.rigid"] if not body.deforms else []
+        moving += [f"bodies.{name}.{key}" for key in ("velocity", "velocity_gradient") if np.any(getattr(body, key))]
+    moving += ["contact"] if "contact" in case.model_fields_set else []
     moving += ["output.times"] if case.output.times or case.output.frames else []
     if moving:
         raise BrokenRuleError("acts in dynamics only", "remove it or give the table dynamics", moving[0])
@@ -381,6 +391,9 @@ def _parts_are_of_bodies(case: CaseDescription) -> None:
         if case.materials[body.material].fracture is None:
             remedy = f"remove it or give materials.{body.material}.fracture"
             raise BrokenRuleError("is a part of a body that cannot break anyway", remedy, key)
+        for number, part in enumerate(body.unbreakable if body.shape else ()):
+            if not part.outline().intersection(body.outline()).area:
+                raise BrokenRuleError("covers nothing of the body", "move it or remove it", f"{key}[{number}]")
     if case.output.regions and case.dynamics is None:
         raise BrokenRuleError("are told of in dynamics only", "remove them or give the table dynamics", "output.regions")
     for name, region in case.output.regions.items():
@@ -390,14 +403,15 @@ def _parts_are_of_bodies(case: CaseDescription) -> None:
 
 
 def _runs_change_what_acts(case: CaseDescription) -> None:
-    """Finite elements have no table mpm, so that runs which differ in it alone would be the same."""
-    for family, run in case.runs.items():
-        swept = next((key for key in run.sweep if key.partition(".")[0] == "mpm"), None)
-        key = f'sweep."{swept}"' if swept else "change.mpm"
-        if run.solver == "fem" and (swept or "mpm" in run.change):
-            raise BrokenRuleError(
-                "has no effect on finite elements", 'remove it, or give solver = "mpm"', f"runs.{family}.{key}"
-            )
+    """Runs of finite elements that differ in what material points alone look at would be the same."""
+    of_fem = ((family, run) for family, run in case.runs.items() if run.solver == "fem")
+    for (family, run), key in product(of_fem, OF_POINTS):
+        table, _, name = key.partition(".")
+        swept = next((one for one in run.sweep if one == key or one.startswith(f"{key}.")), None)
+        if swept or (table in run.change and (not name or name in run.change[table])):
+            where = f'sweep."{swept}"' if swept else f"change.{key}"
+            remedy = 'remove it, or give solver = "mpm"'
+            raise BrokenRuleError("has no effect on finite elements", remedy, f"runs.{family}.{where}")
 
 
 def _checks_have_targets(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> None:

@@ -30,6 +30,7 @@ BUTTRESSES = [
     {"rectangle": {"lower": [-4.1, -3.0], "upper": [-3.15, 0.0]}},
     {"rectangle": {"lower": [3.15, -3.0], "upper": [4.1, 0.0]}},
 ]
+FAR = {"rectangle": {"lower": [10.0, 0.0], "upper": [11.0, 1.0]}}
 
 
 def arch_case(end_time: float = 0.02, **changes: Any) -> Case:
@@ -111,6 +112,7 @@ def test_parts_of_a_body_that_cannot_break_keep_their_phase_field():
         ({"output": {"regions": {"left": {"body": "vault", "within": BUTTRESSES[0]}}}}, "regions.left.body"),
         ({"output": {"regions": {"arch": {"body": "arch", "within": BUTTRESSES[0]}}}}, "regions.arch"),
         ({"materials": {"stone": STONE}}, "bodies.arch.unbreakable"),
+        ({"bodies": {"arch": {"material": "stone", "shape": {"arch": ARCH}, "unbreakable": [FAR]}}}, "unbreakable[0]"),
         ({"runs": {"mpm": {"solver": "fem"}}}, "bodies.arch.unbreakable"),
     ],
 )

@@ -592,6 +592,12 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     "finite elements of another order of splines": (
         toy(runs__fem__change={"mpm": {"order": 3}}), "runs.fem.change.mpm", 'solver = "mpm"'
     ),
+    "change of the update of points for finite elements": (
+        toy(runs__fem__change={"dynamics": {"flip": 0.9}}), "runs.fem.change.dynamics.flip", 'solver = "mpm"'
+    ),
+    "sweep of contact for finite elements": (
+        toy(runs__fem__sweep={"contact.friction": [0.1, 0.3]}), 'runs.fem.sweep."contact.friction"', 'solver = "mpm"'
+    ),
     "notch of no width": (toy(notches=[SLIT | {"kind": "cells", "width": 0}]), "notches[0].width", "larger"),
     "notch of no kind": (toy(notches=[{"start": [0, 0], "end": [1, 1]}]), "notches[0]", "kind"),
     "notch of unknown kind": (toy(notches=[SLIT | {"kind": "cut"}]), "notches[0].kind", "'slit'"),

@@ -335,6 +335,14 @@ def test_a_step_above_the_limit_ends_as_blown_up():
         ({"constraints": [{"on": "left", "direction": "x", "value": 0.1}]}, "jump"),
         ({"output": {"snapshots": [0.1]}}, "output.times"),
         ({"contact": {"pairs": [{"bodies": ["a", "c"], "friction": 0.1}]}}, "not a body"),
+        ({"contact": {"pairs": [{"bodies": ["a", "a"], "friction": 0.1}]}}, "is a body and itself; name each pair once"),
+        (
+            {
+                "bodies": {"a": square(0.0), "b": square(3.0)},
+                "contact": {"pairs": [{"bodies": two, "friction": 0.1} for two in (["a", "b"], ["b", "a"])]},
+            },
+            r"'contact.pairs\[1\].bodies' = \['b', 'a'\] stands there already",
+        ),
         ({"bodies": {"a": square(0.0), "b": square(0.5)}}, "overlaps"),
         ({"bodies": {"a": square(0.0, rigid=True, velocity_gradient=[[0, 1], [0, 0]])}}, "keeps one velocity"),
         ({"bodies": {"a": square(0.0, rigid=True)}}, "leaves nothing that moves freely; give rigid = false"),

@@ -205,6 +205,21 @@ def test_a_quasi_static_case_has_no_body_that_moves_freely():
         load_case("homogeneous_bar", "quick", "fem", {"bodies": {name: {"rigid": "free"}}})
 
 
+@pytest.mark.parametrize(
+    ("of_body", "change", "key"),
+    [
+        ({"rigid": True}, {}, r"bodies\.NAME\.rigid"),
+        ({"velocity": [1.0, 0.0]}, {}, r"bodies\.NAME\.velocity"),
+        ({"velocity_gradient": [[0.0, -1.0], [1.0, 0.0]]}, {}, r"bodies\.NAME\.velocity_gradient"),
+        ({}, {"contact": {"friction": 0.3}}, "contact"),
+    ],
+)
+def test_what_moves_or_touches_is_no_part_of_a_quasi_static_case(of_body, change, key):
+    name = next(iter(load_case("homogeneous_bar").bodies))
+    with pytest.raises(CaseError, match=rf"{key.replace('NAME', name)}'.* acts in dynamics only"):
+        load_case("homogeneous_bar", "quick", "fem", {"bodies": {name: of_body}, **change})
+
+
 @pytest.mark.parametrize("acting", ["constraints", "tractions"])
 def test_what_reaches_a_rigid_body_unseen_is_refused_before_a_run(acting, monkeypatch):
     monkeypatch.setattr("cases.rules.what_reaches", lambda case, name: iter(()))
