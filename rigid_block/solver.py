@@ -47,7 +47,8 @@ class _RigidBlockMotion:
         self.costs.count.update(points=1, cells=1, unknowns_displacement=3, rows=len(self.motion.time))
 
     def _respond(self) -> RockingMotion:
-        return self.model.respond(self.ground, stop_when_settled=False)
+        assert self.case.dynamics is not None
+        return self.model.respond(self.ground, stop_when_settled=False, until=self.case.dynamics.end_time)
 
     def _work_until(self) -> NDArray:
         """Work (n,) of gravity and the moving frame since the start, by the trapezoidal rule [energy].
@@ -189,11 +190,16 @@ def _refuse_what_is_not_known(case: Case, solver: str) -> None:
         text = f"{found[0]}: acts on no {solver}, a block at rest that gravity and a horizontal motion of its ground move"
         raise CaseError(f"{case.source}: {text}; remove it, or give solver = \"mpm\".")
     if beneath is None:
+        if solver == WinklerMotion.solver:
+            raise CaseError(f"{case.source}: rocking.on: nothing is beneath the block; add a body that it rocks on.")
         return
-    above = case.bodies[block].bounds()[0][1] - case.bodies[beneath].bounds()[1][1]
-    if abs(above) > slack_of(case.bounding_box()):
-        text = f"rocking.on: the block stands {above:g} {case.units.length} above '{beneath}'"
-        raise CaseError(f"{case.source}: {text}; set it upon the body that it rocks on.")
+    (lower, upper), (ground_lower, ground_upper) = case.bodies[block].bounds(), case.bodies[beneath].bounds()
+    above, slack = lower[1] - ground_upper[1], slack_of(case.bounding_box())
+    beside = max(ground_lower[0] - lower[0], upper[0] - ground_upper[0])
+    for distance, where in ((abs(above), f"{above:g} {case.units.length} above"), (beside, "beyond the edge of")):
+        if distance > slack:
+            text = f"rocking.on: the block stands {where} '{beneath}'"
+            raise CaseError(f"{case.source}: {text}; set it upon the body that it rocks on.")
 
 
 def _interval(case: Case) -> float:

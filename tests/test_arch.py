@@ -179,6 +179,13 @@ def test_hinges_are_where_the_vault_breaks_through_its_thickness():
         METRICS["hinge_angle"](seen, number=4)
 
 
+def test_a_vault_that_cannot_stand_has_no_hinges_of_collapse():
+    high = ARCH | {"buttress_width": 0.3}
+    falling = arch_case(bodies={"arch": {"material": "stone", "shape": {"arch": high}}})
+    with pytest.raises(MetricError, match="cannot stand by its weight"):
+        METRICS["hinge_mismatch"](Seen(falling, {0.0: 3.0}))
+
+
 def test_the_page_shows_hinges_and_angles(tmp_path):
     settling = {"duration": 1e-3, "ramp": 1e-3, "damping": 0.0}
     shortly = {"dynamics": {"end_time": 1e-3, "settling": settling}, "output": {"frames": 1}}

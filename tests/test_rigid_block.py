@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from cases import Case, CaseError, case_from_tables, load_case
+from cases.geometry import Shape
 from numerics.explicit import instants
 from physics.rocking.block import Block
 from physics.rocking.ground import pulse as pulse_of
@@ -162,6 +163,28 @@ def test_a_block_on_a_ground_that_never_moves_stands(tmp_path, made_by):
     still = case.model_copy(update={"dynamics": case.dynamics.model_copy(update={"ground": None})})
     told = Told(still, history_of(made_by(still), still))
     assert METRICS["tilt"](told, start=0.0, end=4.0) < 1e-9 and METRICS["verdict"](told) == 0.0
+
+
+def test_a_block_that_never_rests_is_followed_to_the_end(tmp_path):
+    more = {"dynamics": {"end_time": 60.0, "ground": {"uplift_ratio": 1.2, "frequency_ratio": 3.0}}}
+    case = case_of(tmp_path, **more, **no_borders(restitution=1.0, stop_when_settled=False), output={"records": 3000})
+    told = history_of(PendulumMotion(case), case)
+    late, early = (np.ptp(told["block_angle"][abs(told["time"] - at) < 5.0]) for at in (50.0, 10.0))
+    assert late == pytest.approx(early, rel=0.05) and late > 0.02
+
+
+@pytest.mark.parametrize(
+    ("ground", "said"),
+    [({"lower": [0.0, -1.0], "upper": [4.0, 0.0]}, "stands beyond the edge of 'ground'"), (None, "nothing is beneath")],
+)
+def test_a_block_stands_on_a_body_with_its_whole_base(ground, said):
+    case = block_in_units("m", "MN", "s", 1.0, "winkler")
+    stone = case.bodies["ground"]
+    wider = {} if ground is None else {"ground": stone.model_copy(update={"shape": Shape(rectangle=ground)})}
+    alone = case.rocking.model_copy(update={} if wider else {"on": None})
+    changed = case.model_copy(update={"bodies": {"block": case.bodies["block"], **wider}, "rocking": alone})
+    with pytest.raises(CaseError, match=said):
+        WinklerMotion(changed)
 
 
 def test_records_that_pass_over_impacts_give_no_verdict(tmp_path):

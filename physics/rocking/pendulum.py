@@ -78,15 +78,16 @@ class Pendulum:
         """Energy over the moment of inertia about the corner, from upright rest [1/s²]."""
         return float(_energy(self._constants, angle, rate))
 
-    def respond(self, ground: GroundMotion, stop_when_settled: bool = True) -> RockingMotion:
+    def respond(self, ground: GroundMotion, stop_when_settled: bool = True, until: float = 0.0) -> RockingMotion:
         """The motion from rest under a ground motion.
 
         stop_when_settled : end where the verdict cannot change: the ground rests, and the block moves outward with more
             energy than the barrier where its centre stands over the corner, or has less. Without, it is followed until
             it has fallen or come to rest.
+        until : time to which it is followed at least [s]
         """
         frequency = self.block.frequency
-        step, last = self.step / frequency, ground.end + PATIENCE / frequency
+        step, last = self.step / frequency, max(ground.end + PATIENCE / frequency, until)
         # a pulse that jumps at its start is met there
         breaks = np.unique(np.append(ground.breaks(), last))
         rows, impacts, overturned = _respond(self._constants, ground, breaks, step, stop_when_settled)

@@ -131,6 +131,8 @@ def hinge_mismatch(run: RunData) -> float:
     if not len(found):
         raise MetricError(f"{run_name(run)}: the vault has no hinge; shake it longer or harder")
     _, exact = exact_hinges(arch_of(run.case)[1])
+    if not len(exact):
+        raise MetricError(f"case {run.case.name}: its vault cannot stand by its weight; judge its hinge_angle")
     return min(float(np.abs(side * exact[:, None] - found).min(axis=1).max()) for side in (1.0, -1.0))
 
 
