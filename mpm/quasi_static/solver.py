@@ -265,9 +265,8 @@ class MaterialPoints:
 
     def energies(self) -> tuple[float, float]:
         """Elastic and fracture energy [energy] (Eq. 2.49)."""
-        volume = self.basis.values.volume
-        elastic = float(self.energy_density @ volume)
-        return elastic, self.fracture.energy(self.trial.at_points, volume) if self.fracture else 0.0
+        volume, fracture = self.basis.values.volume, self.fracture
+        return float(self.energy_density @ volume), fracture.energy(self.trial.at_points, volume) if fracture else 0.0
 
     @property
     def energy_density(self) -> NDArray:
@@ -281,8 +280,7 @@ class MaterialPoints:
 
     def measures(self) -> dict[str, float]:
         """Largest violation of the constraints, and errors against the exact solution where there is one."""
-        errors = exact_errors(self.case, self.fields(), self.state.load)
+        errors = exact_errors(self.case, self.fields(), self.state.load) | loaded_lengths(self._loads.lengths)
         if len(self._supports.springs.places):
             errors["constraint_error"] = self.state.constraint_error
-        health = placement_health(self.case, self.basis.cloud) | gap_health(self.case, self.basis.grid)
-        return errors | health | loaded_lengths(self._loads.lengths)
+        return errors | placement_health(self.case, self.basis.cloud) | gap_health(self.case, self.basis.grid)
