@@ -9,6 +9,7 @@ import pytest
 
 from verify import cli
 from verify.runs import running
+from verify.runs.provenance import library_versions
 from verify.runs.run_folder import run_path
 
 
@@ -118,6 +119,17 @@ def test_what_is_up_to_date_is_not_computed_again_unless_forced(
     assert "up to date" not in capsys.readouterr().out
 
 
+def test_what_another_version_of_a_library_computed_is_not_up_to_date(
+    tmp_path: Path, options: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = fake_solver.write_case(tmp_path / "square")
+    assert verify("run", case, "--run", "fem", *options) == 0
+    before = library_versions()
+    monkeypatch.setattr("verify.runs.running.library_versions", lambda: before | {"numpy": "0.0"})
+    assert verify("run", case, "--run", "fem", *options) == 0
+    assert "up to date" not in capsys.readouterr().out
+
+
 def test_a_full_disk_is_one_sentence_and_exit_code_2(
     tmp_path: Path,
     options: tuple[str, ...],
@@ -221,12 +233,17 @@ def test_compare_never_runs_a_solver(
 
 
 def test_accept_then_compare_is_within(
-    tmp_path: Path, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """What is not there to be accepted is told."""
     monkeypatch.setattr(running, "code_version", lambda: "0.1.0+abc1234")
     case = fake_solver.write_case(tmp_path / "square", fake_solver.check("baseline"))
+    assert verify("run", case, "--run", "mpm", *options) == 0
+    assert verify("accept", case, "--reason", "first values", *options) == 0
+    assert "Not run, and so left as they are recorded: fem" in capsys.readouterr().out
     assert verify("run", case, *options) == 0
     assert verify("accept", case, "--reason", "first values", *options) == 0
+    assert "Not run" not in capsys.readouterr().out
     assert verify("compare", case, *options) == 0
 
 

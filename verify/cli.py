@@ -538,7 +538,10 @@ def accept_command(
     table = Table("run", "metric", "parameters", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
     for row in rows:
         table.add_row(row.run, row.metric, row.parameters, f"{row.value:.8g}", row.unit)
-    _console().print(table)
+    console = _console()
+    console.print(table)
+    if absent := [name for name, state in find_runs(loaded, out).items() if state.run is None]:
+        console.print(f"Not run, and so left as they are recorded: {', '.join(absent)}", markup=False)
 
 
 @app.command()

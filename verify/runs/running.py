@@ -98,10 +98,8 @@ def case_for_run(case: Case | str | Path, run_name: str, tier: str | None = None
     return load_case(case, tier, run_name)
 
 
-def up_to_date(
-    case: Case, folder: Path, failures_too: bool = False
-) -> RunFolder | None:
-    """The finished run in ``folder`` when the same case and the same code would give it again.
+def up_to_date(case: Case, folder: Path, failures_too: bool = False) -> RunFolder | None:
+    """The finished run in ``folder`` when the same case, the same code and the same libraries would give it again.
 
     failures_too : a failure that might not come again counts as well
     """
@@ -111,7 +109,8 @@ def up_to_date(
         return None
     if finished.info["status"] != as_expected(finished.info["status"], case, finished.info["run"]):
         return None
-    same = finished.info["case_hash"] == case.hash() and finished.info.get("source_hash") == source_hash()
+    made_by = {"case_hash": case.hash(), "source_hash": source_hash(), "versions": library_versions()}
+    same = all(finished.info.get(name) == value for name, value in made_by.items())
     return finished if same and (failures_too or finished.info["status"].repeatable) else None
 
 
