@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -223,10 +222,9 @@ def read_tables(source: Path) -> Tables:
         if source.stat().st_size > LARGEST_FILE:
             text = f"is larger than {LARGEST_FILE / 1e6:g} MB"
             raise sentence(source, "", None, text, "describe bodies of many corners by a mesh file")
-        written = read_text(source)
-        if _LONG_KEY.search(written):
-            raise sentence(source, "", None, f"has a key of more than {DEEPEST} parts", "shorten it")
-        tables = deepcopy(_parsed(written))
+        tables: Tables = _copied(_parsed(read_text(source)))
+    except _TooDeepError as error:
+        raise sentence(source, "", None, *error.args) from None
     except UnicodeDecodeError as error:
         raise sentence(source, "", None, f"not UTF-8 text: byte {error.start}", "save it as UTF-8") from None
     except ValueError as error:  # TOMLDecodeError, and Python's own for a number of thousands of digits
@@ -235,15 +233,29 @@ def read_tables(source: Path) -> Tables:
         raise sentence(source, "", None, f"cannot be read: {error}", "correct the file") from None
     if not tables:
         raise sentence(source, "", None, "the file is empty", "describe the case in it")
-    if _is_deeper(tables, DEEPEST):
-        raise sentence(source, "", None, f"nests its tables and lists more than {DEEPEST} deep", "take them apart")
     return tables
+
+
+class _TooDeepError(ValueError):
+    """Tables that are nested too deep: what is wrong, and the remedy."""
 
 
 @lru_cache(maxsize=8)
 def _parsed(written: str) -> Tables:
     """The tables of a text; each run of a case reads its file again."""
-    return tomllib.loads(written)
+    if _LONG_KEY.search(written):
+        raise _TooDeepError(f"has a key of more than {DEEPEST} parts", "shorten it")
+    tables = tomllib.loads(written)
+    if _is_deeper(tables, DEEPEST):
+        raise _TooDeepError(f"nests its tables and lists more than {DEEPEST} deep", "take them apart")
+    return tables
+
+
+def _copied(value: Any) -> Any:
+    """Tables and lists anew, what is in them as it is: ``deepcopy`` without its memory of what it has copied."""
+    if isinstance(value, dict):
+        return {key: _copied(entry) for key, entry in value.items()}
+    return [_copied(entry) for entry in value] if isinstance(value, list) else value
 
 
 def _is_deeper(tables: Tables, most: int) -> bool:
