@@ -56,7 +56,7 @@ class ExplicitFiniteElements:
         self.case, self.costs = case, Costs()
         materials = MaterialTable(case)
         self.basis = basis = ElementBasis(case, bool(materials.fourth_order.any()))
-        self._law = ElementLaw.of(materials, basis.body)
+        self._law = ElementLaw.of(materials)
         self._coefficients = PhaseFieldCoefficients(materials, basis.body)
         constraints = NodeConstraints(case, basis.nodes)
         check_held_edges(case, basis)
@@ -113,7 +113,8 @@ class ExplicitFiniteElements:
         assert self.case.dynamics is not None
         if self.case.dynamics.time_step_rule == "courant":
             return courant_step(self.case)
-        return 2.0 / float(np.sqrt(self.basis.largest_eigenvalue(self._law.lam, self._law.mu, self._density)))
+        lam, mu = (np.full_like(self._density, constant) for constant in (self._law.lam, self._law.mu))
+        return 2.0 / float(np.sqrt(self.basis.largest_eigenvalue(lam, mu, self._density)))
 
     def steps(self, times: NDArray, size: float) -> int:
         """Take the first of the steps that begin at times (n,); raises BlewUpError."""

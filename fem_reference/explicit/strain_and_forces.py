@@ -9,6 +9,8 @@ the phase field, which fixes g, is known only after the strain is.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,18 +21,21 @@ from physics.elasticity import MaterialTable
 from physics.energy_splits import point_response
 from physics.phase_field import degradation, expected_change
 
+#: points that one thread takes at a time
+CHUNK = 4096
+
 
 class ElementLaw(NamedTuple):
-    """Code of the split and in-plane Lamé constants [stress] of each element (n_el,)."""
+    """Code of the split and in-plane Lamé constants [stress] of the one body."""
 
-    split: NDArray
-    lam: NDArray
-    mu: NDArray
+    split: int
+    lam: float
+    mu: float
 
     @classmethod
-    def of(cls, materials: MaterialTable, body: NDArray) -> ElementLaw:
-        """The laws of elements of bodies (n_el,)."""
-        return cls(materials.law.split[body], materials.lame_lambda[body], materials.shear_modulus[body])
+    def of(cls, materials: MaterialTable) -> ElementLaw:
+        """The law of the first body."""
+        return cls(int(materials.law.split[0]), float(materials.lame_lambda[0]), float(materials.shear_modulus[0]))
 
 
 class Strain(NamedTuple):
@@ -48,11 +53,15 @@ class Strain(NamedTuple):
         return cls(np.zeros((*shape, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros((*shape, 2)))
 
 
+def evaluate_strain(elements: NDArray, slope: NDArray, displacement: NDArray, law: ElementLaw, strain: Strain) -> None:
+    """The strain of a displacement (n_nodes, 2), and what follows from it."""
+    _displacement_gradients(elements, slope, displacement, strain.gradient)
+    gradient, plus, minus, psi = (part.reshape(-1, part.shape[-1]) for part in strain)
+    _stress_parts(law.split)(gradient, law.lam, law.mu, plus, minus, psi)
+
+
 @njit(cache=True, parallel=True)
-def evaluate_strain(elements, slope, displacement, law, strain):
-    """The strain of a displacement (n_nodes, 2)."""
-    split, lam, mu = law.split, law.lam, law.mu
-    gradient, plus, minus, psi = strain.gradient, strain.plus, strain.minus, strain.psi
+def _displacement_gradients(elements, slope, displacement, gradient):
     for e in prange(elements.shape[0]):
         for q in range(slope.shape[1]):
             xx = xy = yx = yy = 0.0
@@ -63,12 +72,26 @@ def evaluate_strain(elements, slope, displacement, law, strain):
                 yx += slope[e, q, a, 0] * uy
                 yy += slope[e, q, a, 1] * uy
             gradient[e, q, 0], gradient[e, q, 1], gradient[e, q, 2], gradient[e, q, 3] = xx, xy, yx, yy
-            kept = point_response(split[e], 0.0, xx, yy, xy + yx, lam[e], mu[e])
-            whole = point_response(split[e], 1.0, xx, yy, xy + yx, lam[e], mu[e])
-            minus[e, q, 0], minus[e, q, 1], minus[e, q, 2] = kept.sxx, kept.syy, kept.sxy
-            plus[e, q, 0], plus[e, q, 1] = whole.sxx - kept.sxx, whole.syy - kept.syy
-            plus[e, q, 2] = whole.sxy - kept.sxy
-            psi[e, q, 0], psi[e, q, 1] = whole.psi_plus, whole.psi_minus
+
+
+@cache
+def _stress_parts(split: int) -> Callable[..., None]:
+    """The loop by the split of this code, known to the compiler, which takes several points at once then."""
+
+    @njit(cache=True, parallel=True, error_model="numpy")
+    def stress_parts(gradient, lam, mu, plus, minus, psi):
+        """Parts of the stress (n, 3) and the energy (n, 2) for displacement gradients (n, 4)."""
+        for chunk in prange((len(gradient) + CHUNK - 1) // CHUNK):
+            for p in range(chunk * CHUNK, min(len(gradient), (chunk + 1) * CHUNK)):
+                xx, yy, xy = gradient[p, 0], gradient[p, 3], gradient[p, 1] + gradient[p, 2]
+                kept = point_response(split, 0.0, xx, yy, xy, lam, mu)
+                whole = point_response(split, 1.0, xx, yy, xy, lam, mu)
+                minus[p, 0], minus[p, 1], minus[p, 2] = kept.sxx, kept.syy, kept.sxy
+                plus[p, 0], plus[p, 1] = whole.sxx - kept.sxx, whole.syy - kept.syy
+                plus[p, 2] = whole.sxy - kept.sxy
+                psi[p, 0], psi[p, 1] = whole.psi_plus, whole.psi_minus
+
+    return stress_parts
 
 
 @njit(cache=True, parallel=True)

@@ -72,10 +72,9 @@ class MovingBody:
         self.lattice = Lattice(case.bounding_box()[0], case.mesh.h, case.mpm.order)
         self.transfers = transfers(case.mpm.order)
         table = MaterialTable(case)
-        self.law = BodyLaw(
-            float(table.lame_lambda[number]), float(table.shear_modulus[number]), int(table.law.split[number]),
-            float(table.residual_stiffness[number]),
-        )  # fmt: skip
+        constants = table.lame_lambda, table.shear_modulus, table.residual_stiffness
+        self.law = BodyLaw(*(float(constant[number]) for constant in constants))
+        self._degraded_stresses = degraded_stresses(int(table.law.split[number]))
         self.breakable = bool(table.breakable[number]) and self.deforms
         self.has_axes = bool(table.fourth_order[number]) and self.deforms
         places = np.flatnonzero(cloud.body == number)
@@ -200,7 +199,7 @@ class MovingBody:
         """Stresses, and energy densities where the body can break, from the strains and the phase field."""
         strips, elastic, crack = self.window.strips, self.points.elastic, self.points.crack
         if self.breakable:
-            degraded_stresses(strips, self.law, elastic, crack)
+            self._degraded_stresses(strips, self.law, elastic, crack)
             np.maximum(crack.history if self._irreversible else 0.0, crack.psi_plus, out=crack.history)
         else:
             elastic_stresses(strips, self.law, elastic)

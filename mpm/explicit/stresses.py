@@ -6,6 +6,8 @@ unused and leaves out.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 from numba import njit, prange
@@ -15,11 +17,10 @@ from physics.phase_field import degradation
 
 
 class BodyLaw(NamedTuple):
-    """In-plane Lamé constants of a body [stress], the code of its split, and its residual stiffness k_f."""
+    """In-plane Lamé constants of a body [stress] and its residual stiffness k_f."""
 
     lam: float
     mu: float
-    split: int
     residual_stiffness: float
 
 
@@ -65,15 +66,24 @@ def elastic_stresses(strips, law, elastic):
             sxx[p], syy[p], sxy[p] = elastic_stress(exx[p], eyy[p], gxy[p], lam, mu)
 
 
-@njit(cache=True, parallel=True)
-def degraded_stresses(strips, law, elastic, crack):
-    """Degradation, stresses (Eq. 2.50) and both parts of the energy density of a body that can break."""
-    lam, mu, split, residual_stiffness = law.lam, law.mu, law.split, law.residual_stiffness
-    exx, eyy, gxy, sxx, syy, sxy = elastic
-    c, g, psi_plus, psi_minus = crack.c, crack.g, crack.psi_plus, crack.psi_minus
-    for strip in prange(len(strips) - 1):
-        for p in range(strips[strip], strips[strip + 1]):
-            g[p] = degradation(c[p], residual_stiffness)
-            r = point_response(split, g[p], exx[p], eyy[p], gxy[p], lam, mu)
-            sxx[p], syy[p], sxy[p] = r.sxx, r.syy, r.sxy
-            psi_plus[p], psi_minus[p] = r.psi_plus, r.psi_minus
+@cache
+def degraded_stresses(split: int) -> Callable[..., None]:
+    """The loop over a body that can break by the split of this code.
+
+    Each has a loop of its own: with the law known, the compiler takes several points at once.
+    """
+
+    @njit(cache=True, parallel=True, error_model="numpy")
+    def stresses(strips, law, elastic, crack):
+        """Degradation, stresses (Eq. 2.50) and both parts of the energy density."""
+        lam, mu, residual_stiffness = law.lam, law.mu, law.residual_stiffness
+        exx, eyy, gxy, sxx, syy, sxy = elastic
+        c, g, psi_plus, psi_minus = crack.c, crack.g, crack.psi_plus, crack.psi_minus
+        for strip in prange(len(strips) - 1):
+            for p in range(strips[strip], strips[strip + 1]):
+                g[p] = degradation(c[p], residual_stiffness)
+                r = point_response(split, g[p], exx[p], eyy[p], gxy[p], lam, mu)
+                sxx[p], syy[p], sxy[p] = r.sxx, r.syy, r.sxy
+                psi_plus[p], psi_minus[p] = r.psi_plus, r.psi_minus
+
+    return stresses

@@ -7,26 +7,28 @@ from numba import njit
 from physics.point_response import PointResponse
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always", error_model="numpy")
 def response(g, exx, eyy, gxy, lam, mu):
     """Principal extensions drive fracture (Eqs. 2.74-2.80).
 
     In 2D the projections on the principal directions follow from the double angle; ``turning`` is the
     coefficient of their rotation, which tends to the common degradation when the eigenvalues coincide.
+    Nothing is branched on and no division can fail, so that a loop may take several points at once.
     """
     mean, half_difference, half_shear = 0.5 * (exx + eyy), 0.5 * (exx - eyy), 0.5 * gxy
     radius = math.sqrt(half_difference * half_difference + half_shear * half_shear)
     e1, e2 = mean + radius, mean - radius
     trace = exx + eyy
     # equal eigenvalues: any direction is principal
-    if radius > 1e-14 * (abs(mean) + radius) and radius > 1e-150:
-        cosine, sine = half_difference / radius, half_shear / radius
-    else:
-        cosine, sine, radius = 1.0, 0.0, 0.0
+    apart = radius > max(1e-14 * (abs(mean) + radius), 1e-150)
+    over, between = (radius, e1 - e2) if apart else (1.0, 1.0)
+    cosine, sine = half_difference / over, half_shear / over
+    cosine, sine = (cosine, sine) if apart else (1.0, 0.0)
     g1 = g if e1 > 0.0 else 1.0
     g2 = g if e2 > 0.0 else 1.0
     gt = g if trace > 0.0 else 1.0
-    turning = (g1 * e1 - g2 * e2) / (e1 - e2) if radius > 0.0 else g1
+    turning = (g1 * e1 - g2 * e2) / between
+    turning = turning if apart else g1
 
     p1x, p1y, p1s = 0.5 * (1.0 + cosine), 0.5 * (1.0 - cosine), 0.5 * sine
     p2x, p2y, p2s = p1y, p1x, -p1s
