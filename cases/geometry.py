@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cases.errors import BrokenRuleError
 from cases.table import Table, require_one
-from cases.units import Length, Number, Point
+from cases.units import Angle, Length, Point
 
 Array = NDArray[np.float64]
 Bounds = tuple[Array, Array]
@@ -102,7 +102,7 @@ class Arch(Table):
 
     crown: Point
     radius: Annotated[Length, Field(gt=0)]
-    half_angle: Annotated[Number, Field(gt=0, le=90)]
+    half_angle: Annotated[Angle, Field(gt=0, le=90)]
     thickness: Annotated[Length, Field(gt=0)]
     buttress_width: Annotated[Length, Field(gt=0)]
     buttress_height: Annotated[Length, Field(gt=0)]

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from cases.errors import BrokenRuleError
 from cases.splits import ANISOTROPIC_SPLITS, SplitName
 from cases.table import Table
-from cases.units import Density, Length, Number, Stress, Toughness
+from cases.units import Angle, Density, Length, Number, Stress, Toughness
 
 _PAIRS = (
     ("young", "poisson"),
@@ -89,7 +89,7 @@ class Fracture(Table):
     functional: Literal["AT1", "AT2"] = "AT2"
     order: Literal[2, 4] = 2
     gamma: Gamma = Field(default_factory=lambda: Gamma(**_ISOTROPIC))
-    orientation: Number = 0.0
+    orientation: Angle = 0.0
 
     @model_validator(mode="after")
     def _has_the_order_of_its_terms(self) -> Fracture:
@@ -126,7 +126,7 @@ class Stiffness(Table):
     young_2: Modulus | None = None
     poisson_12: Number | None = None
     shear_modulus_12: Modulus | None = None
-    orientation: Number = 0.0
+    orientation: Angle = 0.0
 
     @model_validator(mode="after")
     def _is_positive_definite(self) -> Stiffness:

@@ -13,11 +13,12 @@ from cases.errors import BrokenRuleError
 from cases.table import Table
 
 if TYPE_CHECKING:
-    from pint import UnitRegistry
+    from pint import Quantity, UnitRegistry
 
 # Exponents of force, length and time in each kind of quantity.
 KINDS: dict[str, tuple[int, int, int]] = {
     "number": (0, 0, 0),
+    "angle": (0, 0, 0),
     "length": (0, 1, 0),
     "displacement": (0, 1, 0),
     "force": (1, 0, 0),
@@ -38,6 +39,7 @@ KINDS: dict[str, tuple[int, int, int]] = {
 #: to planets, light and neutron stars; what lies beyond is a slip, and its powers leave the range of numbers
 SIZES: dict[str, tuple[float, float]] = {
     "number": (1e18, 1e-30),
+    "angle": (1e18, 1e-30),
     "length": (1e9, 1e-24),
     "stress": (1e18, 1e-18),
     "toughness": (1e18, 1e-24),
@@ -58,10 +60,10 @@ COMMON: dict[str, dict[str, float]] = {
 
 _EXAMPLES = {"length": "0.5 mm", "stress": "210 GPa", "toughness": "2.7 N/mm", "density": "7850 kg/m^3",
              "time": "1 s", "force": "1 kN", "number": "0.3", "velocity": "1 m/s",
-             "acceleration": "9.81 m/s^2", "rate": "1/s", "force_density": "25 kN/m^3"}  # fmt: skip
+             "acceleration": "9.81 m/s^2", "rate": "2 s^-1", "angle": "30 deg", "force_density": "25 kN/m^3"}  # fmt: skip
 # A number and a product of units; exponents are single digits, so that no string can ask for a huge power.
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
-_UNIT = r"[A-Za-zµμ%]+(?:(?:\^|\*\*)-?[1-9]|[²³⁴])?"
+_UNIT = r"[A-Za-zµμ%°]+(?:(?:\^|\*\*)-?[1-9]|[²³⁴])?"
 _QUANTITY = re.compile(rf"({_NUMBER})\s*((?:{_UNIT})(?:(?:\s*[*/·]\s*|\s+){_UNIT})*)?")
 _LONGEST_QUANTITY = 64
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -110,6 +112,8 @@ class Units(Table):
         ------
         KeyError : the kind is none of `KINDS`
         """
+        if kind == "angle":
+            return "degrees"
         names = (self.force, self.length, self.time)
         powers = list(zip(names, KINDS[kind], strict=True))
         above = [_power(name, power) for name, power in powers if power > 0]
@@ -118,6 +122,8 @@ class Units(Table):
 
     def expression(self, kind: str) -> str:
         """The unit of a kind of quantity as pint reads it."""
+        if kind == "angle":
+            return "degree"
         force, length, time = KINDS[kind]
         return f"{self.force}**({force}) * {self.length}**({length}) * {self.time}**({time})"
 
@@ -130,7 +136,7 @@ class Units(Table):
     def in_si(self, kind: str) -> float:
         """The unit of a kind of quantity in SI units."""
         known = [COMMON[key].get(getattr(self, key)) for key in COMMON]
-        if None in known:
+        if None in known and any(KINDS[kind]):
             return _in_si(self.expression(kind))
         return math.prod(unit**power for unit, power in zip(known, KINDS[kind], strict=True) if unit is not None)
 
@@ -151,12 +157,25 @@ class Units(Table):
             raise BrokenRuleError("is not a number with a unit", remedy, value=text)
         try:
             quantity = unit_registry().Quantity(float(match[1]), (match[2] or "").replace("·", "*"))
-            return float(quantity.to(self.expression(kind)).magnitude)
+            number = float(quantity.to(self.expression(kind)).magnitude)
         except DimensionalityError:
             what = "plain number" if kind == "number" else f"quantity of {kind}"
             raise BrokenRuleError(f"is not a {what}", remedy, value=text) from None
         except Exception:  # pint raises many kinds of error for a malformed unit, some of them Python's own
             raise BrokenRuleError("has an unknown unit", remedy, value=text) from None
+        _require_turns(quantity, kind, text, remedy)
+        return number
+
+
+def _require_turns(quantity: Quantity[float], kind: str, text: str, remedy: str) -> None:
+    """An angle is no plain number, a plain number no angle, and a rate in cycles none of radians: to pint all are alike."""
+    if kind in ("number", "angle") and (str(quantity.to_base_units().units) == "radian") != (kind == "angle"):
+        what = "an angle" if kind == "angle" else "a plain number"
+        raise BrokenRuleError(f"is not {what}", remedy, value=text)
+    if kind == "rate" and re.search("hertz|counts_per", str(quantity.units)):
+        turned = 2.0 * math.pi * quantity.m_as("1/s")
+        remedy = f'write 2 pi times as much, such as "{turned:.6g} rad/s"'
+        raise BrokenRuleError("counts cycles, and rates are those of radians", remedy, value=text)
 
 
 @cache
@@ -211,6 +230,7 @@ def _reader(kind: str) -> BeforeValidator:
 
 
 Number = Annotated[float, _reader("number")]
+Angle = Annotated[float, _reader("angle")]
 Length = Annotated[float, _reader("length")]
 Stress = Annotated[float, _reader("stress")]
 Toughness = Annotated[float, _reader("toughness")]

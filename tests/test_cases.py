@@ -18,11 +18,12 @@ from hypothesis import strategies as st
 import cases.loader
 from cases import CaseError, case_from_tables, list_cases, load_case
 from cases.boundaries import EDGES, BoundarySet
+from cases.errors import BrokenRuleError
 from cases.geometry import Shape
 from cases.json_schema import SCHEMA_FILE, case_schema, schema_text
 from cases.judging import merge, nest
 from cases.material import Material
-from cases.units import COMMON, Units, unit_registry
+from cases.units import _EXAMPLES, COMMON, Units, unit_registry
 
 TOY = """
 title = "Plate with a slit"
@@ -181,6 +182,34 @@ def test_common_units_are_those_of_pint(kind: str) -> None:
 @pytest.mark.parametrize("text", ["1 N·mm^-2", "1 N/mm²", "1 N*mm/mm^3", "1e6 Pa", "1 MPa", " 1.0MPa "])
 def test_spellings_of_one_stress(text: str) -> None:
     assert Units(length="mm", force="kN").convert(text, "stress") == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize("text", ["30 deg", "30°", "0.5235987755982988 rad", "0.08333333333333333 turn", "30 degrees"])
+def test_spellings_of_one_angle(text: str) -> None:
+    assert Units(length="mm", force="kN").convert(text, "angle") == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "said"),
+    [
+        ("30 deg", "number", "is not a plain number"),
+        ("0.3 rad", "number", "is not a plain number"),
+        ("30", "angle", "is not an angle"),
+        ("30 %", "angle", "is not an angle"),
+        ("30 mm", "angle", "is not a quantity of angle"),
+        ("2 Hz", "rate", 'counts cycles.* "12.5664 rad/s"'),
+        ("2 kHz", "rate", 'counts cycles.* "12566.4 rad/s"'),
+    ],
+)
+def test_turns_cycles_and_plain_numbers_are_not_taken_for_each_other(text: str, kind: str, said: str) -> None:
+    with pytest.raises(BrokenRuleError) as caught:
+        Units(length="mm", force="kN").convert(text, kind)
+    assert re.search(said, f"{caught.value.text} {caught.value.remedy}")
+
+
+def test_the_examples_of_units_are_of_their_kinds() -> None:
+    for kind, example in _EXAMPLES.items():
+        Units(length="mm", force="kN").convert(example, kind)
 
 
 def test_a_snapshot_at_the_end_of_the_path_may_be_in_another_unit() -> None:
