@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ from cases.files import with_parts
 from cases.loader import CASE_FILE, read_tables
 
 #: keys whose values are files beside the case
-FILE_KEYS = ("curve", "mesh", "history", "crack_path", "file")
+FILE_KEYS = ("curve", "mesh", "history", "crack_path", "file", "table")
+#: key whose value is the name of a CSV file beside the case, where there is one, without its ending
+RECORD_KEY = "record"
 #: what else belongs to a case of the library
 BESIDE = ("README.md", "measured.toml", "baseline.csv", "prices.csv", "results")
 
@@ -26,7 +29,7 @@ def write_copy(case: Case, folder: Path, tables: dict[str, Any] | None = None) -
     shutil.rmtree(target, ignore_errors=True)
     target.mkdir(parents=True)
     own = read_tables(case.source)
-    moved = _with_files(tables or own, case.folder, target)
+    moved = _with_files(tables or own, case.folder, target, {})
     path = target / CASE_FILE
     if tables is None and moved == own:
         shutil.copyfile(case.source, path)
@@ -40,21 +43,35 @@ def write_copy(case: Case, folder: Path, tables: dict[str, Any] | None = None) -
     return path
 
 
-def _with_files(value: Any, source: Path, target: Path, key: str = "") -> Any:
-    """The tables with the files that they name copied; those from other folders lie beside the case then."""
+def _with_files(value: Any, source: Path, target: Path, elsewhere: dict[Path, str], key: str = "") -> Any:
+    """The tables with the files that they name copied; those of each other folder lie in one beside the case then.
+
+    elsewhere : other folder -> what it is called there, filled
+    """
     if isinstance(value, dict):
-        return {name: _with_files(each, source, target, name) for name, each in value.items()}
+        return {name: _with_files(each, source, target, elsewhere, name) for name, each in value.items()}
     if isinstance(value, list):
-        return [_with_files(each, source, target) for each in value]
+        return [_with_files(each, source, target, elsewhere) for each in value]
+    if key == RECORD_KEY and isinstance(value, str):
+        _with_files(f"{value}.csv", source, target, elsewhere, "file")
+        return value
     if key not in FILE_KEYS or not isinstance(value, str) or not (source / value).is_file():
         return value
     place = Path(value)
-    place = Path(place.name) if place.is_absolute() else place
+    if place.is_absolute():
+        folder = elsewhere.setdefault(place.parent, _free_name(source, len(elsewhere)))
+        place = Path(folder) / place.name
     for part in with_parts((source / value).resolve()):
         beside = (target / place).parent / part.relative_to((source / value).resolve().parent)
         beside.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(part, beside)
     return place.as_posix()
+
+
+def _free_name(source: Path, taken: int) -> str:
+    """Name of a folder that the case has not got, so that no file of another folder takes the place of its own."""
+    names = (f"given{number}" for number in count(taken + 1))
+    return next(name for name in names if not (source / name).exists())
 
 
 def toml_text(tables: dict[str, Any]) -> str:
