@@ -168,7 +168,7 @@ class Units(Table):
 
 
 def _require_turns(quantity: Quantity[float], kind: str, text: str, remedy: str) -> None:
-    """An angle is no plain number, a plain number no angle, and a rate in cycles none of radians: to pint all are alike."""
+    """An angle is no plain number, a plain number no angle, cycles no radians, though pint takes them for each other."""
     if kind in ("number", "angle") and (str(quantity.to_base_units().units) == "radian") != (kind == "angle"):
         what = "an angle" if kind == "angle" else "a plain number"
         raise BrokenRuleError(f"is not {what}", remedy, value=text)

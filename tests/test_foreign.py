@@ -357,7 +357,10 @@ def test_what_is_no_table_of_numbers_is_told(square: Case, table: Any, said: str
 
 @pytest.mark.parametrize(
     ("options", "said"),
-    [({"within": "5%"}, "within: '5%' is no share"), ({"within": -1}, "within: -1 is no"), ({"map": 3}, "map: 3 is no")],
+    [
+        ({"within": "5%"}, "within: '5%' is no share"), ({"within": -1}, "within: -1 is no"),
+        ({"within": 5}, "within: 5 is no"), ({"map": 3}, "map: 3 is no"),
+    ],
 )
 def test_what_is_no_share_or_map_is_told(square: Case, options: dict[str, Any], said: str, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=said):

@@ -57,7 +57,7 @@ def made(folder: Path, *checks: str, runs: tuple[str, ...] = ("fem", "mpm")) -> 
         ("fem", 0.01, "FAIL", 0.02),
         ("value:0.51", 1e-9, "PASS", 0.0),
         ("value:0.6", 0.1, "FAIL", 0.15),
-        ("value:-0.51", 1.0, "FAIL", 2.0),
+        ("value:-0.51", 0.99, "FAIL", 2.0),
     ],
 )
 def test_a_value_is_held_against_its_target(
@@ -115,6 +115,13 @@ def test_nothing_against_nothing_is_missing(tmp_path: Path, monkeypatch: pytest.
     judged = judge_case(*made(tmp_path, fake_solver.check("value:0.0"), absolute))
     assert [result.verdict for result in judged.checks] == ["MISSING", "PASS"]
     assert "both zero" in judged.checks[0].note and judged.verdict == "MISSING"
+
+
+@pytest.mark.parametrize("against", ["fem", "value:0.5", "baseline"])
+def test_a_limit_that_a_value_of_nought_would_keep_is_refused(against: str, tmp_path: Path) -> None:
+    case, _ = made(tmp_path, fake_solver.check(against, 5.0), runs=())
+    with pytest.raises(JudgeError, match=r"checks\[0\]\.limit: 5 lets a value of 0 pass .*0\.05 for 5 %"):
+        checks_of(case)
 
 
 def test_a_check_without_gate_is_shown_and_not_gated(tmp_path: Path) -> None:

@@ -136,8 +136,8 @@ def _require_readable(case: Case, foreign: ForeignResult) -> None:
     if not isinstance(foreign.map, str):
         raise UserError(f'map: {foreign.map!r} is no text; write one such as "u = U2, F = -2 * RF2 [N]".')
     within = foreign.within
-    if within is not None and not (isinstance(within, int | float) and 0.0 < within < np.inf):
-        raise UserError(f"within: {within!r} is no share; give a number above 0, such as 0.05 for 5 %.")
+    if within is not None and not (isinstance(within, int | float) and 0.0 < within < 1.0):
+        raise UserError(f"within: {within!r} is no share; give a number between 0 and 1, such as 0.05 for 5 %.")
     try:
         mapping = parse_mapping(foreign.map)
     except BrokenRuleError as error:

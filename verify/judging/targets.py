@@ -41,6 +41,9 @@ def require_sense(case: Case, number: int, check: Check) -> None:
         raise JudgeError(
             f"{where}.against: {check.metric} needs another run or curve, not {check.against!r}."
         )
+    if check.measure == "relative" and kind != "none" and check.metric not in PAIR_METRICS and check.limit >= 1.0:
+        remedy = 'give a share, such as 0.05 for 5 %, or measure = "absolute"'
+        raise JudgeError(f"{where}.limit: {check.limit:g} lets a value of 0 pass for any; {remedy}.")
     if check.metric not in SWEEP_METRICS and members != [check.run]:
         raise JudgeError(f"{where}.run: {check.run!r} is a sweep; name {_choice(check.run, members)}.")
     if check.metric in SWEEP_METRICS and kind in ("run", "exact"):
