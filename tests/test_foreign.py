@@ -115,7 +115,7 @@ def test_units_words_and_damage_give_the_history_in_case_units(square: Case, tmp
     [
         "\ufeffu,F\n0,0\n1,2\n", "u_mm F_kN\n0 0\n1 2\n", "# u F\n0 0\n1 2\n",
         "# from a paper\nu [mm],F (N)\n0,0\n1,2000\n",
-        "u\tF\r\n0\t0\r\n1\t2\r\n",
+        "u\tF\r\n0\t0\r\n1\t2\r\n", "u_\u03bcm,F_N\n0,0\n1000,2000\n", "u_\u00b5m,F_N\n0,0\n1000,2000\n",
     ],
 )  # fmt: skip
 def test_tables_as_people_write_them_are_read(text: str, square: Case, tmp_path: Path) -> None:
@@ -141,6 +141,7 @@ def test_tables_as_people_write_them_are_read(text: str, square: Case, tmp_path:
         ("u,F\n0,0\n1,2,3\n", "", "row 2 has 3 cells and the header 2 (u, F)"),
         ("u,u\n0,0\n", "", "names a column twice (u, u)"),
         ("u,F\n2,0\n1,2\n0,0\n", "", "the rows go back from u = 2 to 0; sort them"),
+        ("u,F\n0,0\n3,1\n1,2\n4,1\n2,3\n5,0\n", "", "u turns back in 4 of 6 rows, as it does in rows that are out of"),
         ("u,F,d\n0,0,0\n1,2,95\n", "", "or the damage from 0 to 95; give a share of 1"),
         ("u,F,c_min\n0,0,1\n1,2,-1\n", "", "the phase field goes from -1 to 1"),
         ("u,F\n0,0\n", "", "has one row"),
@@ -259,6 +260,22 @@ def test_a_force_that_never_grows_is_told(square: Case, tmp_path: Path, F: np.nd
     judged = judged_without_page(square, U, F, tmp_path)
     assert judged.verdict == "FAIL"
     assert f"no force is larger than the first one, {F[0]:g}; map the column of the force" in judged.remarks[0]
+
+
+UNLOADED, SCATTERED = [0.0, 0.004, 0.008, 0.004, 0.0, 0.006, 0.01], [0.0, 0.004, 0.0039999, 0.008, 0.0079999, 0.01]
+
+
+@pytest.mark.parametrize("steps", [UNLOADED, SCATTERED])
+def test_rows_that_unload_or_scatter_are_in_order(square: Case, steps: list[float]) -> None:
+    table = pd.DataFrame({"u": steps, "F": np.interp(steps, U, F)})
+    assert mapped(table, parse_mapping(""), square, "mine.csv")["u"].tolist() == steps
+
+
+def test_both_signs_and_an_end_before_the_peak_are_told(square: Case, tmp_path: Path) -> None:
+    both = judged_without_page(square, -U, -F, tmp_path)
+    assert "write u = -COLUMN, F = -COLUMN" in both.remarks[1] and both.verdict == "FAIL"
+    short = judged_without_page(square, U[:4], F[:4], tmp_path)
+    assert f"that of its last row, at u = {U[3]:.4g}: the curve ends before a peak" in short.remarks[1]
 
 
 def test_an_axis_read_with_an_offset_is_told(square: Case, tmp_path: Path) -> None:

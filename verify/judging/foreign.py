@@ -318,6 +318,10 @@ def remarks(case: Case, imported: RunFolder, out: Path) -> list[str]:
         return []
     said = [_remark(case, ratio, name, abs(peak_force(curve) / peak_force(expected)) - 1.0)]
     peak_at, shift = displacement_at_peak(curve), start - start_expected
+    if ratio > 0.0 and curve.direction != expected.direction:
+        said.append(f"Its u and F both have the other sign than those of {name}; write u = -COLUMN, F = -COLUMN.")
+    if peak_index(curve) == len(curve.F) - 1 and abs(peak_at) < abs(displacement_at_peak(expected)):
+        said.append(f"Its largest force is that of its last row, at u = {peak_at:.4g}: the curve ends before a peak.")
     if abs(shift) > LARGEST_SHIFT * abs(peak_at):
         said.append(
             f"Its elastic part, carried on, meets F = 0 at u = {start:.3g}, that of {name} at {start_expected:.3g}:"

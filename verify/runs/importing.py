@@ -27,8 +27,10 @@ _COUNTS = ("staggered", "newton", "seconds")
 _OVERSHOOT = 0.2
 #: share of the first u down to which a table goes back that is sorted from its end
 _BACK = 0.05
+#: rows are out of order where more than this share of them turns by steps of more than that share of the range of u
+_TURNS, _STEP = 1 / 3, 0.01
 #: a column that carries its unit in its name: "u_mm", "F [kN]"
-_WITH_UNIT = re.compile(r"(?P<name>[A-Za-z]\w*?)(?:_(?P<plain>[A-Za-zµ]+)|\s*[\[(](?P<unit>[^\])]+)[\])])")
+_WITH_UNIT = re.compile(r"(?P<name>[A-Za-z]\w*?)(?:_(?P<plain>[A-Za-zµμ]+)|\s*[\[(](?P<unit>[^\])]+)[\])])")
 
 
 def read_foreign(case: Case) -> tuple[pd.DataFrame, np.ndarray, dict[int, Fields]]:
@@ -273,9 +275,16 @@ def _require_curve(columns: dict[str, np.ndarray], table: pd.DataFrame, file: st
 
 
 def _require_loading(columns: dict[str, np.ndarray], file: str, case: Case) -> None:
-    """A case that loads from 0 on has no table that begins loaded and does nothing but go back there."""
+    """A case that loads from 0 on has no table that begins loaded and does nothing but go back there, one that is loaded
+    one way none that turns time and again."""
     if case.dynamics or case.load.path[0] != 0.0:
         return
+    steps = np.diff(columns["u"])
+    steps = np.sign(steps) * (np.abs(steps) > _STEP * np.ptp(columns["u"]))
+    turns = int((steps[1:] * steps[:-1] < 0.0).sum())
+    if len(case.load.path) == 2 and turns > max(_TURNS * len(steps), 2):
+        said = f"u turns back in {turns} of {len(steps) + 1} rows, as it does in rows that are out of order"
+        raise ImportedError(f"{file}: {said}; sort them from the first state to the last.")
     way = np.abs(columns["u"])
     if way[-1] < _BACK * way[0] and not (np.diff(way) > 0.0).any():
         said = f"the rows go back from u = {columns['u'][0]:g} to {columns['u'][-1]:g}"
