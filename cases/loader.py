@@ -62,7 +62,7 @@ def load_case(
     name_or_path : name in the library, folder that holds a case.toml, or path of a .toml file
     tier : "quick", "standard" (if None) or "paper"; the tables of [tiers.<tier>] are merged over the file
     run : one of `case.expanded_runs()`; its `change` tables and sweep values are merged too
-    change : tables laid over those of the run, to vary it
+    change : tables laid over those of the run, to vary it; only with a run
 
     Raises
     ------
@@ -74,6 +74,27 @@ def load_case(
     if key not in read:
         read[key] = _load(*key)
     return read[key]
+
+
+def case_at(case: Case | str | Path, tier: str | None) -> Case:
+    """A case, or the one of a name or path, at a tier: that of the case, or "standard", if None; see `load_case`."""
+    if not isinstance(case, Case):
+        return load_case(case, tier)
+    return case if tier in (None, case.tier) else of_its_file(case, tier, case.run)
+
+
+def of_its_file(case: Case, tier: str | None, run: str | None) -> Case:
+    """The case in the file of another one, at a tier, that of the other one if None, and for a run.
+
+    Raises
+    ------
+    CaseError : the other one is not what the file says, so that what was changed in it would be lost
+    """
+    if load_case(case.source, case.tier, case.run) != case:
+        text = "is not what this case says, which was changed after it was read, or before"
+        remedy = "change the file, or give load_case the run and its change"
+        raise sentence(case.source, "", None, text, remedy)
+    return load_case(case.source, tier or case.tier, run)
 
 
 def _load(name_or_path: str | Path, tier: str | None, run: str | None, change: Tables | None = None) -> Case:
@@ -104,6 +125,8 @@ def case_from_tables(
         raise sentence(file, "tier", tier, "is not a tier", f"choose {', '.join(TIERS)}")
     case = builder.case(tier)
     if run is None:
+        if change:
+            raise sentence(file, "change", None, "is that of a run", "name the run too, whose tables it is laid over")
         builder.check_variants(case)
         return case
     if run not in case.expanded_runs():

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cases import Case, load_case
+from cases import Case, case_at
 from verify.judging.foreign import DEFAULT_FOLDER, ForeignResult, Judgement, judge_foreign
 
 from .report import write_report
@@ -40,7 +40,7 @@ def judge(
     crack_path : array (n, 2) or CSV file x,y, from the start of the crack to its tip [case length unit].
     fields : VTU, PVD, VTK, XDMF or Exodus file, from which the crack path follows where none is given.
     arrays : which of its arrays are what, "damage = d, displacement = U"; found by their usual names without.
-    tier : whose kept results it is held against, "standard" when not given.
+    tier : whose kept results it is held against; that of a case, "standard" of a name or path when not given.
     name : what it is called; the name of its file without.
     within : share that replaces the limits that the case sets on relative errors.
     out : folder of page, summary and run folders, ``reports/out/judged/<case>`` when not given.
@@ -49,7 +49,7 @@ def judge(
     ------
     UserError : a mistake in case, map or files, in one sentence.
     """
-    loaded = case if isinstance(case, Case) else load_case(case, tier)
+    loaded = case_at(case, tier)
     history = Path(history) if isinstance(history, str) else history
     crack_path = Path(crack_path) if isinstance(crack_path, str) else crack_path
     fields = None if fields is None else Path(fields)

@@ -384,6 +384,26 @@ def test_what_is_no_share_or_map_is_told(square: Case, options: dict[str, Any], 
         judge(square, CURVE, out=tmp_path / "judged", **options)
 
 
+@pytest.mark.parametrize(
+    "path",
+    [np.zeros((4, 3)), np.zeros((2, 4)), np.zeros(4), [[0, 0], [np.nan, 1]], [["a", "b"]], [[0, 0], [1]], CURVE],
+)
+def test_what_is_no_crack_path_is_told(square: Case, path: Any, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"crack_path: is of .* give an array \(n, 2\)"):
+        judged_without_page(square, U, F, tmp_path, crack_path=path)
+
+
+def test_a_crack_path_may_be_a_table_of_any_order(square: Case, tmp_path: Path) -> None:
+    table = pd.DataFrame({"y": [0.5, 0.5, 0.75], "z": [0, 0, 0], "x": [0.0, 0.5, 1.0]})
+    judged = judged_without_page(square, U, F, tmp_path, crack_path=table)
+    assert judged.run.crack_path.tolist() == [[0.0, 0.5], [0.5, 0.5], [1.0, 0.75]]
+
+
+def test_a_case_is_judged_at_the_tier_that_is_asked_for(square: Case, tmp_path: Path) -> None:
+    judged = judge(load_case(square.source, "standard"), CURVE, tier="quick", out=tmp_path / "judged")
+    assert judged.run.case.tier == "quick" and judged.verdict == "PASS"
+
+
 def test_judging_leaves_runs_of_the_case_alone(square: Case, tmp_path: Path) -> None:
     own = tmp_path / "out" / "runs" / square.name / square.tier / "fem" / "run.json"
     own.parent.mkdir(parents=True)

@@ -21,7 +21,8 @@ import psutil
 import pytest
 from fake_solver import Seen
 
-from cases import load_case
+from cases import CaseError, case_from_tables, load_case
+from cases.loader import read_tables
 from reports.words import runs_sentence
 from verify import cli
 from verify.judging.judge import find_run
@@ -38,6 +39,23 @@ from verify.runs.vtk_files import grid_mesh, points_mesh, write_mesh
 def case_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     fake_solver.install(monkeypatch)
     return fake_solver.write_case(tmp_path / "square")
+
+
+def test_what_was_changed_in_memory_is_not_lost_on_the_way_to_a_run(case_file: Path, tmp_path: Path) -> None:
+    finer = {"mesh": {"h": 0.1}}
+    with pytest.raises(CaseError, match=r"'change' is that of a run; name the run too"):
+        load_case(case_file, "quick", change=finer)
+    assert run(load_case(case_file, "quick", "fem", finer), "fem", out=tmp_path).case.mesh.h == 0.1
+    case, tables = load_case(case_file, "quick"), read_tables(case_file)
+    changed = [
+        case.model_copy(update={"mesh": case.mesh.model_copy(update={"h": 0.1})}),
+        case_from_tables({**tables, "load": {**tables["load"], "increment": 0.002}}, "quick", source=case_file),
+        load_case(case_file, "quick", "mpm", finer),
+    ]
+    for other in changed:
+        with pytest.raises(CaseError, match=r"is not what this case says.*give load_case the run and its change"):
+            run(other, "fem", out=tmp_path)
+    assert run(case, "fem", "standard", tmp_path).case.tier == "standard"
 
 
 def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from cases import Case, Check, UserError, list_cases, load_case
+from cases import Case, Check, UserError, list_cases, load_case, of_its_file
 from cases.copies import write_copy
 from cases.errors import BrokenRuleError
 from cases.foreign_fields import ForeignFields, parse_arrays
@@ -54,14 +54,14 @@ LARGEST_SHIFT = 0.03
 class ForeignResult:
     """What is to be judged.
 
-    history : CSV file or table. map : as in `cases.mapping`. crack_path : CSV file x,y or array (n, 2) [length].
+    history : CSV file or table. map : as in `cases.mapping`. crack_path : CSV file or table x,y or array (n, 2) [length].
     fields : file of fields. arrays : which they are, "damage = d, displacement = U" (`cases.foreign_fields`).
     name : of the run; that of the file without. within : share that replaces the case's relative limits
     """
 
     history: Path | pd.DataFrame
     map: str = ""
-    crack_path: Path | np.ndarray | None = None
+    crack_path: Path | pd.DataFrame | np.ndarray | None = None
     name: str = ""
     within: float | None = None
     fields: Path | None = None
@@ -113,6 +113,7 @@ def judge_foreign(case: Case, foreign: ForeignResult, out: Path) -> Judgement:
     ------
     UserError : the result cannot be read; one sentence tells what was found.
     """
+    case = of_its_file(case, None, None)
     _require_readable(case, foreign)
     named = replace(foreign, name=_run_name(foreign, case))
     before = out / "runs" / case.name / case.tier
@@ -150,6 +151,8 @@ def _require_readable(case: Case, foreign: ForeignResult) -> None:
     mapped(read_table(given) if isinstance(given, Path) else given, mapping, case, _called(given))
     if isinstance(foreign.crack_path, Path):
         read_path(foreign.crack_path)
+    elif foreign.crack_path is not None:
+        _path_table(foreign.crack_path)
     if foreign.fields is not None:
         _require_fields(foreign.fields, foreign.arrays, case)
 
@@ -223,12 +226,24 @@ def _run_table(foreign: ForeignResult, out: Path) -> dict[str, Any]:
     if foreign.map:
         table["map"] = foreign.map
     if foreign.crack_path is not None:
-        crack = foreign.crack_path
-        given = crack if isinstance(crack, Path) else pd.DataFrame(np.reshape(crack, (-1, 2)), columns=["x", "y"])
-        table["crack_path"] = _as_file(given, out, f"{foreign.name}_crack_path")
+        table["crack_path"] = _as_file(_path_table(foreign.crack_path), out, f"{foreign.name}_crack_path")
     if foreign.fields is not None:
         table["fields"] = {"file": str(foreign.fields.resolve()), **parse_arrays(foreign.arrays)}
     return table
+
+
+def _path_table(crack: Path | pd.DataFrame | np.ndarray) -> Path | pd.DataFrame:
+    """A file as it is; columns x and y of a table, or an array (n, 2), as a table of both."""
+    if isinstance(crack, Path):
+        return crack
+    try:
+        points = np.asarray(crack.reindex(columns=["x", "y"]) if isinstance(crack, pd.DataFrame) else crack)
+    except ValueError:  # rows of several lengths
+        points = np.empty(0)
+    if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "iuf" or not np.isfinite(points).all():
+        remedy = "give an array (n, 2) of finite numbers x, y, or a CSV file or table with these columns"
+        raise UserError(f"crack_path: is of shape {points.shape} and kind {points.dtype}; {remedy}.")
+    return pd.DataFrame(points, columns=["x", "y"])
 
 
 def _as_file(given: Path | pd.DataFrame, out: Path, name: str) -> str:

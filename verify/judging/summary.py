@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cases import Case, load_case
+from cases import Case, case_at, load_case
 from cases.loader import reading_once
 from verify.judging.judge import CaseVerdict, CheckResult, RunState, judge_case
 from verify.judging.targets import reference_curve
@@ -59,9 +59,7 @@ def _read_and_judged(source: Path, tier: str, out: Path) -> Json:
 
 def compare(case: Case | str | Path, tier: str | None = None, out: Path | str = "reports/out") -> Json:
     """Judge one case from its finished runs and return its entry of summary.json; nothing is computed."""
-    if not isinstance(case, Case):
-        case = load_case(case, tier)
-    return _case_entry(judge_case(case, Path(out)), Path(out))
+    return _case_entry(judge_case(case_at(case, tier), Path(out)), Path(out))
 
 
 def write_summary(summary: Json, out: Path) -> None:

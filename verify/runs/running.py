@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cases import Case, CaseError, load_case
+from cases import Case, CaseError, load_case, of_its_file
 from cases.errors import UserError
 from cases.solvers import SOLVERS, Solver
 from numerics.costs import Costs
@@ -89,12 +89,12 @@ def case_for_run(case: Case | str | Path, run_name: str, tier: str | None = None
 
     Raises
     ------
-    CaseError : no such case, tier or run.
+    CaseError : no such case, tier or run, or one that was changed after it was read.
     """
     if isinstance(case, Case):
         if case.run == run_name and tier in (None, case.tier):
             return case
-        return load_case(case.source, tier or case.tier, run_name)
+        return of_its_file(case, tier, run_name)
     return load_case(case, tier, run_name)
 
 
@@ -131,7 +131,7 @@ def run(
     ----------
     case : a case, the name of one in the library, or the path of a case file.
     run_name : one of the runs that the case describes, such as "fem" or "mpm".
-    tier : resolution, "standard" when not given.
+    tier : resolution; that of a case, "standard" of a name or path when not given.
     out : folder of all results; the run goes to ``<out>/runs/<case>/<tier>/<run>``.
     listeners : hear of every record, after those that write the folder.
     threads : number of threads of compiled loops and linear algebra.
