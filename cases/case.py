@@ -17,6 +17,8 @@ from cases.schema import CaseDescription
 
 # Keys that say nothing about what is computed.
 _PROSE_AND_JUDGING = {"title", "section", "requirement", "runs", "tiers", "references", "checks", "charts", "maps"}
+#: name of the file of a case that has a folder of its own
+CASE_FILE = "case.toml"
 _NOT_HASHED = _PROSE_AND_JUDGING | {"name", "tier", "run", "change", "folder", "source"}
 
 
@@ -45,6 +47,11 @@ class Case(CaseDescription):
         checks = [(number, check) for number, check in self.applying_checks() if self.run in (None, check.run)]
         fit_together(self, checks)
         return self
+
+    @property
+    def kept_folder(self) -> Path:
+        """Of its page, baseline, prices and kept results: its own folder, or one beside a file among those of others."""
+        return self.folder if self.source.name == CASE_FILE else self.folder / f"{self.name}.kept"
 
     def applying_checks(self) -> list[tuple[int, Check]]:
         """Checks of this tier, which may have runs of its own, with their numbers; those of a family taken apart."""

@@ -35,11 +35,11 @@ def write_copy(case: Case, folder: Path, tables: dict[str, Any] | None = None) -
         shutil.copyfile(case.source, path)
     else:
         path.write_text(toml_text(moved), encoding="utf-8")
-    for name in BESIDE if case.source.name == CASE_FILE else ():
-        if (case.folder / name).is_dir():
-            shutil.copytree(case.folder / name, target / name)
-        elif (case.folder / name).is_file():
-            shutil.copyfile(case.folder / name, target / name)
+    for kept in (case.kept_folder / name for name in BESIDE):
+        if kept.is_dir():
+            shutil.copytree(kept, target / kept.name)
+        elif kept.is_file():
+            shutil.copyfile(kept, target / kept.name)
     return path
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from cases.case import Case
+from cases.case import CASE_FILE, Case
 from cases.errors import CaseError
 from cases.files import read_text
 from cases.geometry import SLACK
@@ -24,7 +24,6 @@ from cases.table import Table, nearest, unknown_key_remedy
 from cases.units import Units
 
 LIBRARY = Path(__file__).parent / "library"
-CASE_FILE = "case.toml"
 DEFAULT_TIER = "standard"
 #: bytes of a case file, and levels of its tables, beyond which it is not read
 LARGEST_FILE, DEEPEST = 5_000_000, 200

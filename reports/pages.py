@@ -64,7 +64,7 @@ def fill_page(case: Case) -> str:
     ------
     PageError : a placeholder names something that is not there, or a file of the page is damaged.
     """
-    file = case.folder / PAGE_FILE
+    file = case.kept_folder / PAGE_FILE
     if not file.is_file():
         return ""
     try:
@@ -127,7 +127,7 @@ def _sources(case: Case) -> dict[str, Any]:
         "baseline": _baseline(case),
         "prices": _prices(case),
         "printed": {name: reference.values for name, reference in case.references.items()},
-        "measured": read_measured(case.folder / MEASURED_FILE),
+        "measured": read_measured(case.kept_folder / MEASURED_FILE),
     }
 
 

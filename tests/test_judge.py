@@ -17,8 +17,10 @@ from synthetic_run import write_verification
 
 from cases import Case, case_from_tables, load_case
 from numerics.quasi_static import Increment
+from reports.pages import fill_page
 from verify import compare
 from verify.judging.acceptance import accept
+from verify.judging.archive import read_archive, write_archive
 from verify.judging.baseline import read_baseline
 from verify.judging.coverage import NO_CHECK, coverage, coverage_sentence
 from verify.judging.judge import checks_of, judge_case
@@ -29,6 +31,7 @@ from verify.metrics.metric import NothingToCompareError
 from verify.metrics.registry import find_metric
 from verify.runs import running
 from verify.runs.atomic import WriteError
+from verify.runs.kept import read_kept
 from verify.runs.run_folder import partial_folder, run_path
 from verify.runs.running import run
 
@@ -185,6 +188,27 @@ def test_accepting_keeps_the_other_tiers(tmp_path: Path) -> None:
 def of_peak(check: str, at: str) -> str:
     """An energy balance, which has a parameter, in place of the peak force."""
     return check.replace('"peak_force"', '"energy_balance"') + f'parameters = {{ at = "{at}" }}\n'
+
+
+def test_case_files_of_one_folder_keep_what_is_theirs(tmp_path: Path) -> None:
+    """Their baselines, results and pages are of runs of one name; the folder's own page is of neither."""
+    text = fake_solver.CASE + fake_solver.check("baseline", 1e-6)
+    (tmp_path / "README.md").write_text("My project: {{ no placeholder of ours }")
+    cases = {}
+    for name, young in (("soft", 100.0), ("stiff", 210.0)):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(text.replace("young = 210.0", f"young = {young}"))
+        for solver in ("fem", "mpm"):
+            run(file, solver, "quick", tmp_path / OUT)
+        cases[name] = load_case(file, "quick")
+        assert compare(cases[name], out=tmp_path / OUT)["verdict"] == "MISSING"
+        accept(cases[name], f"values of the {name} one", tmp_path / OUT)
+    for name, case in cases.items():
+        kept = read_kept(case, "fem")
+        assert kept is not None and kept.fits(load_case(case.source, "quick", "fem")) and fill_page(case) == ""
+        assert [row.reason for row in read_baseline(case)] == [f"values of the {name} one"]
+        write_archive(case, tmp_path / OUT, tmp_path / f"{name}.zip")
+        assert read_archive(tmp_path / f"{name}.zip", tmp_path / "there").summary["cases"][0]["verdict"] == "PASS"
 
 
 def test_checks_of_one_metric_with_other_parameters_have_rows_of_their_own(

@@ -56,7 +56,7 @@ def key_of(check: Check, case: Case) -> Key:
 
 def baseline_file(case: Case) -> Path:
     """The baseline beside the case file."""
-    return case.folder / BASELINE_FILE
+    return case.kept_folder / BASELINE_FILE
 
 
 def read_baseline(case: Case) -> list[BaselineRow]:

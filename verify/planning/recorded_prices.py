@@ -24,7 +24,7 @@ def read_prices(case: Case) -> pd.DataFrame:
     ------
     PricesError : the file is damaged.
     """
-    file = case.folder / PRICES_FILE
+    file = case.kept_folder / PRICES_FILE
     if not file.is_file():
         return pd.DataFrame(columns=list(PRICE_COLUMNS))
     try:

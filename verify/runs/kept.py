@@ -64,7 +64,7 @@ def main_runs(case: Case) -> list[str]:
 
 
 def _file(case: Case, run: str) -> Path:
-    return case.folder / RESULTS / case.tier / f"{run}.csv"
+    return case.kept_folder / RESULTS / case.tier / f"{run}.csv"
 
 
 # ------------------------------------------------------------------------------------------------ writing

@@ -112,7 +112,7 @@ def _record(case: Case, table: pd.DataFrame) -> None:
     old, keys = read_prices(case), ["tier", "run", "saving"]
     kept = old[~pd.MultiIndex.from_frame(old[keys]).isin(pd.MultiIndex.from_frame(table[keys]))]
     both = pd.concat([kept, table], ignore_index=True) if len(kept) else table
-    write_table(case.folder / PRICES_FILE, both)
+    write_table(case.kept_folder / PRICES_FILE, both)
 
 
 class _Priced:

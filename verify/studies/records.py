@@ -48,7 +48,7 @@ def record(case: Case, kind: Kind, file: Path, todo: Sequence[Job]) -> Path:
     told: dict[str, Any] = {"date": date.today().isoformat(), "tier": case.tier}
     told["version"] = ", ".join(sorted({run.info["code_version"] for run in runs})) or code_version()
     told["processor"] = ", ".join(sorted({run.info["processor"] for run in runs})) or processor_name()
-    kept = case.folder / kind / case.tier / file.name
+    kept = case.kept_folder / kind / case.tier / file.name
     for part in file.parent.glob(f"{file.stem}-*.csv"):
         write_table(kept.with_name(part.name), pd.read_csv(part))
     # where a run lay tells nobody else anything
@@ -91,7 +91,7 @@ def _made(case: Case, kind: Kind, name: str, out: Path) -> Made | None:
     if fresh.is_file():
         return Made(kind, name, fresh, case)
     for tier in dict.fromkeys((case.tier, *reversed(TIERS))):
-        file = case.folder / kind / tier / f"{name}.csv"
+        file = case.kept_folder / kind / tier / f"{name}.csv"
         if file.is_file():
             return Made(kind, name, file, load_case(case.source, tier))
     return None
