@@ -216,7 +216,11 @@ class _Builder:
 def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if str(path) in list_cases():
-        return LIBRARY / path / CASE_FILE
+        here, found = path / CASE_FILE, LIBRARY / path / CASE_FILE
+        if here.is_file() and not here.samefile(found):
+            text = "is a case of the library and one in this folder"
+            raise sentence(path, "", None, text, f"give {here} for the one here, or {found}")
+        return found
     with suppress(OSError, ValueError, RuntimeError):  # too long, with a null in it, or a ring of links
         for candidate in (path / CASE_FILE, path):
             if candidate.is_file():

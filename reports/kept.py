@@ -54,8 +54,8 @@ def _files_of(results: CaseResults) -> Iterator[Path]:
     assert results.case is not None
     yield results.case.source
     yield from _files_named(results.case.model_dump(), results.case.folder)
-    kinds = ("charts", "maps")
-    folders = [results.case.kept_folder / kind for kind in kinds] + [results.out / kind / results.case.name for kind in kinds]
+    kept, kinds = results.case.kept_folder, ("charts", "maps")
+    folders = [kept / kind for kind in kinds] + [results.out / kind / results.case.name for kind in kinds]
     folders += [results.out / run.location for run in results.runs.values() if run.location]
     for folder in folders:
         yield from sorted(f for f in folder.rglob("*") if f.is_file() and f.name != "checkpoint.npz")

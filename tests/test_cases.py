@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 import cases.loader
 from cases import CaseError, case_from_tables, list_cases, load_case
 from cases.boundaries import EDGES, BoundarySet
+from cases.copies import write_copy
 from cases.errors import BrokenRuleError
 from cases.geometry import Shape
 from cases.json_schema import SCHEMA_FILE, case_schema, schema_text
@@ -151,6 +152,17 @@ def test_a_case_is_named_by_its_folder(toy_file: Path) -> None:
     case = load_case(toy_file.parent)
     assert (case.name, case.tier, case.run) == ("plate", "standard", None)
     assert case.source == toy_file.resolve() and case.folder == toy_file.parent.resolve()
+
+
+def test_a_copy_of_a_case_of_the_library_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_case("homogeneous_bar").folder == cases.loader.LIBRARY / "homogeneous_bar"
+    write_copy(load_case("homogeneous_bar"), tmp_path)
+    with pytest.raises(CaseError, match=r"bar: is a case of the library .* homogeneous_bar/case\.toml for the"):
+        load_case("homogeneous_bar")
+    assert load_case("homogeneous_bar/case.toml").folder == tmp_path / "homogeneous_bar"
+    monkeypatch.chdir(cases.loader.LIBRARY)
+    assert load_case("homogeneous_bar").name == "homogeneous_bar"
 
 
 def test_strings_with_units_become_numbers_in_the_units_of_the_case(toy_file: Path) -> None:
