@@ -1,6 +1,7 @@
 """Energies of fields from elsewhere: exact ones met, our own solver's met on its mesh, what is not told is a sentence."""
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -102,6 +103,23 @@ def test_what_the_data_do_not_tell_is_a_sentence() -> None:
            for name, x in (("a", 0.0), ("b", 0.4))}  # fmt: skip
     beyond = energies_of(whole, case_from_tables({**PLATE, "bodies": two}))
     assert "20 % of their area lies in no body" in beyond.missing[0]
+
+
+@pytest.mark.parametrize(("words", "kept"), [("half model", 0.5), ("", 0.5), ("half model", 0.8)])
+def test_the_cells_of_a_half_model_count_twice_and_those_of_a_part_not(words: str, kept: float, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("u,F\n0,0\n1,1\n")
+    theirs = {"solver": "imported", "history": "a.csv", "map": words}
+    case = case_from_tables({**PLATE, "runs": {"a": theirs}}, run="a", source=tmp_path / "case.toml")
+    whole, expected = fields(case), energies_of(fields(case), case)
+    assert not expected.missing
+    chosen = whole.reference[:, 0] < kept
+    by_cell = {name: getattr(whole, name)[chosen] for name in ("volume", "grid_cells", "reference", "gradient", "stress")}
+    part = energies_of(Fields(**{**vars(whole), **by_cell, "phase_field": whole.phase_field[chosen]}), case)
+    if words and kept == 0.5:
+        assert part == Energies(pytest.approx(expected.elastic), pytest.approx(expected.fracture))
+    else:
+        assert np.isnan((part.elastic, part.fracture)).all()
+        assert f"their cells cover {100 * kept:g} % of the bodies; give all of them, or the word" in part.missing[0]
 
 
 def test_without_compiled_laws_the_sentence_says_how_to_install_them(monkeypatch: pytest.MonkeyPatch) -> None:
