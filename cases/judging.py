@@ -207,18 +207,17 @@ def _last_word(dotted: str) -> str:
 def merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """Tables `above` laid over tables `below`: tables are merged key by key, everything else is replaced.
 
-    A table of numbers 0, 1, ... laid over an array replaces these of its entries.
+    A table of numbers 0, 1, ... laid over an array is laid over these of its entries, which may be tables or arrays too.
     """
-    merged = dict(below)
-    for key, value in above.items():
-        under = merged.get(key)
-        if isinstance(value, dict) and isinstance(under, dict):
-            merged[key] = merge(under, value)
-        elif isinstance(value, dict) and isinstance(under, list) and value.keys() <= set(map(str, range(len(under)))):
-            merged[key] = [value.get(str(i), entry) for i, entry in enumerate(under)]
-        else:
-            merged[key] = value
-    return merged
+    return below | {key: _laid_over(below.get(key), value) for key, value in above.items()}
+
+
+def _laid_over(under: Any, value: Any) -> Any:
+    if isinstance(value, dict) and isinstance(under, dict):
+        return merge(under, value)
+    if isinstance(value, dict) and isinstance(under, list) and value.keys() <= set(map(str, range(len(under)))):
+        return [_laid_over(entry, value[str(i)]) if str(i) in value else entry for i, entry in enumerate(under)]
+    return value
 
 
 def nest(dotted: str, value: Any) -> dict[str, Any]:

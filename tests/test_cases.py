@@ -239,6 +239,17 @@ def test_tiers_and_runs_are_merged(toy_file: Path) -> None:
     assert load_case(toy_file, run="levels[h=0.025]").mesh.h == 0.025
 
 
+def test_a_sweep_over_a_key_of_an_entry_leaves_its_other_keys() -> None:
+    strains = [{"value": [[1e-3, 0], [0, 2e-3]]}, {"temperature": 1.0, "on": "plate", "ramp": "load"}]
+    sweep = {"eigenstrains.1.temperature": [10.0, 20.0], "eigenstrains.0.value.1.1": [3e-3]}
+    tables = toy(runs__hot={"solver": "fem", "sweep": sweep}, materials__steel__expansion=1e-5, eigenstrains=strains)
+    other, warm = case_from_tables(tables, run="hot[temperature=20,1.1=0.003]").eigenstrains
+    assert (warm.temperature, warm.on, warm.ramp) == (20.0, "plate", "load")
+    assert other.value == ((1e-3, 0.0), (0.0, 3e-3))
+    with pytest.raises(CaseError, match=r"runs\.hot\.sweep\.constraints"):
+        case_from_tables(toy(runs__hot={"solver": "fem", "sweep": {"constraints.9.scale": [1.0]}}))
+
+
 def test_sweeps_expand_to_named_runs(toy_file: Path) -> None:
     case = load_case(toy_file)
     assert case.expanded_runs() == ["fem", "mpm", "gmres", "levels[h=0.05]", "levels[h=0.025]"]
