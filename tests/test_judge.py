@@ -27,7 +27,7 @@ from verify.judging.judge import checks_of, judge_case
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.targets import JudgeError
 from verify.judging.views import checks_csv, junit_xml
-from verify.metrics.metric import NothingToCompareError
+from verify.metrics.metric import REGISTERED, NothingToCompareError
 from verify.metrics.registry import find_metric
 from verify.runs import running
 from verify.runs.atomic import WriteError
@@ -288,12 +288,19 @@ def test_an_unknown_metric_names_the_nearest(tmp_path: Path) -> None:
     case, out = made(tmp_path, fake_solver.check("fem").replace("peak_force", "peek_force"), runs=())
     with pytest.raises(JudgeError, match=r"checks\[0\]\.metric: 'peek_force' .* 'peak_force'"):
         judge_case(case, out)
+    printed = "\n[references.print]\nkind = 'table'\nsource = 'a book'\nvalues = { peek_force = 0.5 }\n"
+    case, out = made(tmp_path / "printed", printed, runs=())
+    with pytest.raises(JudgeError, match=r"references\.print\.values\.peek_force: 'peek_force' .* 'peak_force'"):
+        judge_case(case, out)
 
 
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
         ({"time": 1.0, "direction": "x"}, r"parameters: travel needs body; add"),
+        ({"body": "a", "time": "1 ms", "direction": "x"}, r"time: '1 ms' is no number; give a plain number, in the"),
+        ({"body": "a", "time": True, "direction": "x"}, r"parameters\.time: True is no number"),
+        ({"body": 3, "time": 1.0, "direction": "x"}, r"parameters\.body: 3 is no text; give a text"),
         ({"body": "plat", "time": 1.0, "direction": "x"}, r"parameters\.body: 'plat' is no body .* name one of"),
         ({"body": "a", "time": 1.1, "direction": "x"}, r"parameters\.time: 1\.1 comes after dynamics\.end_time = 1"),
     ],
@@ -309,6 +316,12 @@ def test_what_no_run_will_hold_is_refused_before_one_is_made(parameters: dict[st
     }  # fmt: skip
     with pytest.raises(JudgeError, match=said):
         checks_of(case_from_tables(tables))
+
+
+def test_every_parameter_of_a_metric_is_of_a_known_kind() -> None:
+    for found in REGISTERED.values():
+        for name in found.parameters:
+            assert found.kind_of(name)[0] in ("text", "number", "list of numbers")
 
 
 def test_the_momentum_of_a_body_that_turns_is_held_to_what_its_energy_allows() -> None:

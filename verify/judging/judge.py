@@ -12,7 +12,7 @@ from cases.solvers import SOLVERS
 from numerics.status import RunStatus
 from physics.rocking.records import missing_record
 from verify.judging.baseline import BaselineRow, Key, key_of, read_baseline
-from verify.judging.targets import JudgeError, require_sense, target_of, value_of
+from verify.judging.targets import JudgeError, require_known, require_sense, target_of, value_of
 from verify.metrics.curves import CurveError
 from verify.metrics.health import INDICATORS, suspicions
 from verify.metrics.metric import NotGivenError, NothingToCompareError
@@ -139,12 +139,15 @@ def checks_of(case: Case) -> list[Check]:
 
     Raises
     ------
-    JudgeError : a check that no result could ever answer.
+    JudgeError : a check that no result could ever answer, or a printed value of no metric.
     """
     for family, run in case.runs.items():
         for name in run.accepts.keys() - INDICATORS.keys():
             known = ", ".join(INDICATORS)
             raise JudgeError(f"{case.source}: runs.{family}.accepts.{name}: is no indicator; name one of {known}.")
+    for reference, printed in case.references.items():
+        for name in printed.values:
+            require_known(name, f"{case.source}: references.{reference}.values.{name}")
     applying = case.applying_checks()
     for number, check in applying:
         require_sense(case, number, check)

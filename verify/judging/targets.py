@@ -12,7 +12,7 @@ from cases.judging import EACH
 from physics.exact import SOLUTIONS
 from physics.surface_energy import seen_toughness as toughness_of_cells
 from verify.metrics.curves import Curve
-from verify.metrics.metric import MetricError
+from verify.metrics.metric import Metric, MetricError
 from verify.metrics.registry import METRICS, PAIR_METRICS, SWEEP_METRICS, find_metric
 from verify.runs.run_folder import RunFolder
 
@@ -58,21 +58,30 @@ def _choice(family: str, members: list[str]) -> str:
     return f"all of them, {family + EACH!r}, or one: {', '.join(members)}"
 
 
-def _require_metric(case: Case, number: int, check: Check) -> None:
-    where = f"{case.source}: checks[{number}]"
+def require_known(name: str, where: str) -> Metric:
+    """The metric of a name; JudgeError with the nearest one where there is none. ``where`` : its place in the file."""
     try:
-        metric = find_metric(check.metric)
+        return find_metric(name)
     except MetricError as error:
         known = [*METRICS, *PAIR_METRICS, *SWEEP_METRICS]
-        near = difflib.get_close_matches(check.metric, known, n=1)
+        near = difflib.get_close_matches(name, known, n=1)
         remedy = f"did you mean {near[0]!r}?" if near else f"choose one of {', '.join(known)}."
-        raise JudgeError(f"{where}.metric: {check.metric!r} is not a metric; {remedy}") from error
-    for name in check.parameters:
+        raise JudgeError(f"{where}: {name!r} is not a metric; {remedy}") from error
+
+
+def _require_metric(case: Case, number: int, check: Check) -> None:
+    where = f"{case.source}: checks[{number}]"
+    metric = require_known(check.metric, f"{where}.metric")
+    for name, value in check.parameters.items():
         if name not in metric.parameters:
             known_names = ", ".join(metric.parameters) or "none"
             raise JudgeError(
                 f"{where}.parameters.{name}: {check.metric} has no such parameter; it has: {known_names}."
             )
+        called, fits = metric.kind_of(name)
+        if not fits(value):
+            remedy = f"give a plain {called}, in the units of the case" if "number" in called else f"give a {called}"
+            raise JudgeError(f"{where}.parameters.{name}: {value!r} is no {called}; {remedy}.")
     lacking = [name for name in metric.needed_parameters if name not in check.parameters]
     if lacking:
         raise JudgeError(f"{where}.parameters: {check.metric} needs {', '.join(lacking)}; add what is missing.")

@@ -52,6 +52,24 @@ class RunData(Protocol):
     def __hash__(self) -> int: ...
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple) and all(map(_is_number, value))
+
+
+#: how a parameter is written in a metric's function -> what it is called, and whether a value is that
+KINDS_OF_PARAMETERS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "str": ("text", lambda value: isinstance(value, str)),
+    "float": ("number", _is_number),
+    "float | None": ("number", _is_number),
+    "Sequence[float]": ("list of numbers", _is_list),
+    "Sequence[float] | None": ("list of numbers", _is_list),
+}
+
+
 @dataclass(frozen=True)
 class Metric:
     """A named scalar.
@@ -96,6 +114,10 @@ class Metric:
         """Names of the parameters that a check must give."""
         given = inspect.signature(self.function).parameters
         return [name for name in self.parameters if given[name].default is inspect.Parameter.empty]
+
+    def kind_of(self, parameter: str) -> tuple[str, Callable[[Any], bool]]:
+        """What a parameter is called, and whether a value is that."""
+        return KINDS_OF_PARAMETERS[inspect.signature(self.function).parameters[parameter].annotation]
 
     def error(self, value: float, target: float | None, kind: str) -> float:
         """Distance of a value from its target, "absolute" or "relative"; without a target its size.
