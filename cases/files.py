@@ -64,13 +64,14 @@ def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.
 
     Raises
     ------
-    BrokenRuleError : columns are missing, there are no rows, or a number is missing or not finite
+    BrokenRuleError : columns are missing or there twice, there are no rows, one of them has more or fewer cells, or a
+        number is missing or not finite
     """
     try:
         lines = [line.strip() for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError):
         raise BrokenRuleError("cannot be read as text", "save it as UTF-8 CSV", value=path.name) from None
-    rows = [line.split(",") for line in lines if line and not line.startswith("#")]
+    rows = [line.rstrip(", ").split(",") for line in lines if line and not line.startswith("#")]
     header = [name.strip() for name in rows[0]] if rows else []
     if not set(columns) <= set(header):
         remedy = f'start it with the line "{",".join(columns)}"'
@@ -78,6 +79,12 @@ def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.
         raise BrokenRuleError(text, remedy, value=path.name)
     if len(rows) == 1:
         raise BrokenRuleError("has no rows", "add the points of the curve", value=path.name)
+    if twice := next((name for name in columns if header.count(name) > 1), None):
+        raise BrokenRuleError(f"names the column {twice} twice", "rename one", value=path.name)
+    for number, row in enumerate(rows[1:], 1):
+        if len(row) != len(header):
+            text = f"has {len(row)} cells in row {number} and {len(header)} in its header"
+            raise BrokenRuleError(text, "correct it, and write decimals with a point", value=path.name)
     places = header.index(columns[0]), header.index(columns[1])
     values = [_row(row, places) for row in rows[1:]]
     wrong = next((number for number, row in enumerate(values, 1) if not np.all(np.isfinite(row))), None)

@@ -476,7 +476,7 @@ def test_a_mesh_file_that_is_none_is_named(tmp_path: Path) -> None:
 
 
 def test_a_reference_curve_is_read(tmp_path: Path) -> None:
-    (tmp_path / "book.csv").write_text("# digitised\nF,u\n1.0,0.0\n2.0,0.1\n")
+    (tmp_path / "book.csv").write_text("# digitised\nF,u,,\n1.0,0.0,,\n2.0,0.1\n")
     case = case_from_tables(toy(references__book__curve="book.csv"), source=tmp_path / "case.toml")
     assert case.reference_curve("book").tolist() == [[0.0, 1.0], [0.1, 2.0]]
 
@@ -802,6 +802,8 @@ CURVES = {
     "not a number": ("u,F\n0,nan\n", "row 1"),
     "short row": ("u,F\n0,1\n1\n", "row 2"),
     "words": ("u,F\n0,one\n", "row 1"),
+    "decimal commas": ("u,F\n0,0\n0,001,0,5\n", "4 cells in row 2 and 2 in its header; correct it, and write decimals"),
+    "a column twice": ("u,F,F\n0,0,0\n", "names the column F twice"),
 }
 
 
