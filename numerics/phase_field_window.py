@@ -62,7 +62,7 @@ class Blocks:
         self._block = place[:, 0] * self._shape[1] + place[:, 1]
         taking_part = np.flatnonzero(breakable)
         self._members = taking_part[np.argsort(self._block[taking_part], kind="stable")]
-        self._starts = np.searchsorted(self._block[self._members], np.arange(self._shape[0] * self._shape[1] + 1))
+        self._block_of_members = self._block[self._members]
         self._nodes = nodes
         self._shared_by = np.bincount(nodes[breakable].ravel(), minlength=n_nodes)
 
@@ -73,8 +73,8 @@ class Blocks:
             return None
         blocks = np.zeros(self._shape, bool)
         blocks.ravel()[self._block[changing]] = True
-        chosen = np.flatnonzero(binary_dilation(blocks, np.ones((3, 3), bool), iterations=RINGS))
-        cells = np.concatenate([self._members[self._starts[b] : self._starts[b + 1]] for b in chosen])
+        near = binary_dilation(blocks, np.ones((3, 3), bool), iterations=RINGS).ravel()
+        cells = self._members[near[self._block_of_members]]
         shared_here = np.bincount(self._nodes[cells].ravel(), minlength=len(self._shared_by))
         return Window(cells, np.flatnonzero((shared_here > 0) & (shared_here == self._shared_by)))
 
