@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
@@ -215,21 +215,27 @@ class _Builder:
 
 def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    if str(path) in list_cases():
-        here, found = path / CASE_FILE, LIBRARY / path / CASE_FILE
-        if here.is_file() and not here.samefile(found):
+    here, of_library = path / CASE_FILE, LIBRARY / path / CASE_FILE
+    if len(path.parts) == 1 and _is_file(of_library):
+        if _is_file(here) and not here.samefile(of_library):
             text = "is a case of the library and one in this folder"
-            raise sentence(path, "", None, text, f"give {here} for the one here, or {found}")
-        return found
-    with suppress(OSError, ValueError, RuntimeError):  # too long, with a null in it, or a ring of links
-        for candidate in (path / CASE_FILE, path):
-            if candidate.is_file():
-                return candidate.resolve()
+            raise sentence(path, "", None, text, f"give {here} for the one here, or {of_library}")
+        return of_library
+    for candidate in (here, path):
+        if _is_file(candidate):
+            return candidate.resolve()
     if path.suffix == ".toml" or len(path.parts) != 1:
         remedy = f"name a folder with a {CASE_FILE} or a .toml file"
         raise sentence(path, "", None, "no such case file", remedy)
     remedy = nearest(path.name, list_cases(), "name a case of the library, a folder or a .toml file")
     raise sentence(path, "", None, "no such case", remedy)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError, RuntimeError):  # too long, with a null in it, or a ring of links
+        return False
 
 
 def _name(source: Path) -> str:
