@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -172,6 +173,23 @@ def test_printed_numbers_stand_beside_ours(tmp_path: Path) -> None:
     assert coverage([case], nowhere)[0].found.startswith("baseline of")
     assert "1 more within 5%" in coverage_sentence([peak, place])
     assert "1 without a value" in coverage_sentence([peak, place])
+
+
+def test_accepting_again_keeps_what_was_recorded_of_runs_that_are_not_there(tmp_path: Path) -> None:
+    """Beside printed values; a sweep, too, is accepted for these alone."""
+    reference = '[references.paper]\nkind = "table"\nsource = "Someone (2010)"\nvalues = { peak_force = 0.5 }'
+    case, out = made(tmp_path, fake_solver.check("reference:paper", 0.03), reference)
+    (row,) = accept(case, "first values", out)
+    shutil.rmtree(run_path(out, case.name, "quick", "mpm"))
+    assert accept(case, "of the finite elements alone", out) == [] and read_baseline(case) == [row]
+    sweep = '[runs.more]\nsolver = "fem"\nsweep = { "mesh.h" = [0.25, 0.2] }'
+    printed = fake_solver.check("reference:paper", 0.03).replace('"mpm"', '"more[h=0.25]"')
+    text = fake_solver.CASE[: fake_solver.CASE.index("[runs.fem]")] + "\n".join((sweep, printed, reference))
+    path = tmp_path / "swept.toml"
+    path.write_text(text)
+    name = "more[h=0.25]"
+    run(path, name, "quick", out)
+    assert [row.run for row in accept(load_case(path, "quick"), "of a sweep", out)] == [name]
 
 
 def test_accepting_keeps_the_other_tiers(tmp_path: Path) -> None:

@@ -53,9 +53,6 @@ def accept(case: Case, reason: str, out: Path) -> list[BaselineRow]:
         raise JudgeError('A baseline changes only with a reason: give --reason "why the new values are right".')
     everything = checks_of(case)
     checks = [check for check in everything if check.against == "baseline"]
-    if not checks and not main_runs(case):
-        said = f"no check of tier {case.tier!r} is against the baseline and every run is one of a sweep"
-        raise JudgeError(f"{case.source}: {said}; nothing to accept.")
     judge = Judge(case, find_runs(case, out))
     rows = {row.key: row for row in (_accepted(case, check, judge, reason) for check in checks)}
     for check in everything:
@@ -63,9 +60,13 @@ def accept(case: Case, reason: str, out: Path) -> list[BaselineRow]:
             with suppress(JudgeError):  # what a run does not give is told by its check
                 row = _accepted(case, check, judge, "recorded beside the printed value")
                 rows[row.key] = row
+    if not rows and not main_runs(case):
+        said = f"no check of tier {case.tier!r} is against the baseline or printed and every run is one of a sweep"
+        raise JudgeError(f"{case.source}: {said}; nothing to accept.")
     keep_main_runs(case, judge)
     if rows:
-        kept = [row for row in read_baseline(case) if row.tier != case.tier]
+        asked = {key_of(check, case) for check in everything} - rows.keys()  # of runs that are not there
+        kept = [row for row in read_baseline(case) if row.tier != case.tier or row.key in asked]
         write_baseline(case, [*kept, *rows.values()])
     return list(rows.values())
 
