@@ -53,13 +53,15 @@ def _isotropic_material(case: Case):
 
 
 def mode_one_displacement(case: Case, points: NDArray, load: float) -> NDArray:
-    """Displacement (n, 2) of the plane-strain mode I field with its tip at (load, 0) and K^2 = E Gc / (1 - nu^2).
+    """Displacement (n, 2) of the mode I field with its tip at (load, 0) and K^2 = E' Gc, of either plane assumption.
 
     This is the "surfing" boundary condition of Hossain et al. (2014); the crack lies on y = 0, x < load.
     """
     material = _isotropic_material(case)
     mu, nu = material.mu, material.poisson_ratio
     intensity = np.sqrt(material.young_modulus * material.fracture.toughness / (1.0 - nu**2))
+    if case.plane.assumption == "stress":
+        intensity, nu = np.sqrt(material.young_modulus * material.fracture.toughness), nu / (1.0 + nu)
     x, y = points[:, 0] - load, points[:, 1]
     radius, angle = np.hypot(x, y), np.arctan2(y, x)
     factor = intensity / (2.0 * mu) * np.sqrt(radius / (2.0 * np.pi)) * (3.0 - 4.0 * nu - np.cos(angle))
@@ -111,26 +113,34 @@ def _crack_energy(case: Case) -> float:
     return 0.5 * energy * depth * case.plane.thickness
 
 
+def _bar_axis(case: Case) -> int:
+    """Along which the bar is pulled."""
+    return next((int(c.direction == "y") for c in case.constraints if c.follows_load), 0)
+
+
 def _bar_strain(case: Case, load: float) -> float:
     lower, upper = case.bounding_box()
-    return load / (upper[0] - lower[0])
+    axis = _bar_axis(case)
+    return load / (upper[axis] - lower[axis])
 
 
 def _bar_modulus(case: Case) -> float:
-    """Stress over strain under uniaxial stress along x [stress]; the bar is free to shear, as off-axis ones do."""
-    material = _first_material(case)
+    """Stress over strain under uniaxial stress [stress]; the bar is free to shear, as off-axis ones do."""
+    material, axis = _first_material(case), _bar_axis(case)
     if material.is_anisotropic:
-        return 1.0 / float(np.linalg.inv(in_plane_stiffness(material, case.plane.assumption))[0, 0])
-    return material.young_modulus
+        return 1.0 / float(np.linalg.inv(in_plane_stiffness(material, case.plane.assumption))[axis, axis])
+    return exact_plates.plane_modulus(material, case.plane.assumption)
 
 
 def _bar_phase_field(case: Case, load: float) -> float:
-    """c = 1 / (1 + 4 l0 H / Gc) with H = E strain^2 / 2, all energy degraded, uniaxial stress, k_f = 0.
+    """c = 1 / (1 + 4 l0 H / Gc) with H = (1 - k_f) E' strain^2 / 2, all energy degraded, uniaxial stress.
 
     With AT1 it is 1 up to H = 3 Gc / (32 l0), that is, to the stress sqrt(3 Gc E / (16 l0)), and falls as 1 / H.
     """
     fracture = _first_material(case).fracture
-    history_field = 0.5 * _bar_modulus(case) * _bar_strain(case, load) ** 2
+    if fracture is None:
+        return 1.0
+    history_field = (1.0 - fracture.residual_stiffness) * (0.5 * _bar_modulus(case) * _bar_strain(case, load) ** 2)
     if fracture.functional == "AT1":
         threshold = 3.0 * fracture.toughness / (32.0 * fracture.length_scale)
         return min(1.0, threshold / history_field) if history_field else 1.0
@@ -138,11 +148,14 @@ def _bar_phase_field(case: Case, load: float) -> float:
 
 
 def _bar_force(case: Case, load: float) -> float:
-    """F = c^2 E strain times the cross-section."""
+    """F = ((1 - k_f) c^2 + k_f) E' strain times the cross-section."""
     lower, upper = case.bounding_box()
-    section = (upper[1] - lower[1]) * case.plane.thickness
+    across = 1 - _bar_axis(case)
+    section = (upper[across] - lower[across]) * case.plane.thickness
     stress = _bar_modulus(case) * _bar_strain(case, load)
-    return _bar_phase_field(case, load) ** 2 * stress * section
+    fracture = _first_material(case).fracture
+    left = fracture.residual_stiffness if fracture else 0.0
+    return ((1.0 - left) * _bar_phase_field(case, load) ** 2 + left) * stress * section
 
 
 SOLUTIONS: dict[str, ExactSolution] = {

@@ -56,17 +56,18 @@ def bar_velocity(case: Case, points: NDArray, time: float) -> NDArray:
 
 
 def spinning_stress(case: Case, points: NDArray, time: float) -> NDArray:
-    """Stress (n, 3) of a free disc at constant spin in plane strain, at the present places: of two parts.
+    """Stress (n, 3) of a free disc at constant spin, at the present places: of two parts.
 
     Locked in it, and turning with it, is the stress of Airy's function S R² (1 - q)² (X² - Y²) with X, Y the places in
     the disc over its radius and q = X² + Y², which leaves the rim free. Inertia adds s (R² - r²) radially and
     s (R² - k r²) round about, s = spin² density (3 - 2 nu) / (8 (1 - nu)), k = (1 + 2 nu) / (3 - 2 nu) (Timoshenko
-    and Goodier).
+    and Goodier) in plane strain; in plane stress nu / (1 + nu) takes the place of nu.
     """
     body, material = _first(case)
     assert body.shape is not None and body.shape.disc is not None
     spin, outer = body.velocity_gradient[1][0], body.shape.disc.radius
     arm, nu = points - np.asarray(body.shape.disc.centre), material.poisson_ratio
+    nu = nu if case.plane.assumption == "strain" else nu / (1.0 + nu)
     stress = _turned(_locked_stress(_turned_places(arm, -spin * time) / outer), spin * time)
     stress *= LOCKED_STRESS * material.young_modulus
     scale = spin**2 * material.density * (3.0 - 2.0 * nu) / (8.0 * (1.0 - nu))
@@ -125,19 +126,28 @@ def _gravity(case: Case) -> tuple[float, float]:
     return case.dynamics.gravity[0], -case.dynamics.gravity[1]
 
 
+def _friction(case: Case, body: str) -> float:
+    """Coulomb's coefficient between a body and the floor, which is the rigid one."""
+    floor = next((number for number, other in enumerate(case.bodies.values()) if other.keeps_velocity), 0)
+    return case.friction(list(case.bodies).index(body), floor)
+
+
 def sliding_distance(case: Case, *, body: str, time: float, direction: str = "x") -> float:
     """Of a block: it stays where gravity along the floor is below friction, else (g_x - mu g_y) t² / 2, with what
-    its velocity at the start adds until friction has stopped it [length]."""
+    its velocity at the start adds until friction has stopped it; alike to the left [length]."""
     if direction != "x":
         return 0.0  # it stays on the floor
     along, into = _gravity(case)
-    resistance = case.contact.friction * into
+    resistance = _friction(case, body) * into
     start = case.bodies[body].velocity[0]
+    way = -1.0 if (start or along) < 0.0 else 1.0
+    start, along = way * start, way * along
     if start == 0.0:
-        return 0.5 * max(0.0, along - resistance) * time**2
+        return way * 0.5 * max(0.0, along - resistance) * time**2
     stop = start / (resistance - along) if resistance > along else np.inf
     moving = min(time, stop)
-    return start * moving + 0.5 * (along - resistance) * moving**2
+    back = 0.5 * max(0.0, -along - resistance) * (time - moving) ** 2  # uphill, where friction does not hold it
+    return way * (start * moving + 0.5 * (along - resistance) * moving**2 - back)
 
 
 def rolling_distance(case: Case, *, body: str, time: float, direction: str = "x") -> float:
@@ -145,9 +155,10 @@ def rolling_distance(case: Case, *, body: str, time: float, direction: str = "x"
     if direction != "x":
         return 0.0  # it stays on the floor
     along, into = _gravity(case)
-    if along > 3.0 * case.contact.friction * into:
-        return 0.5 * time**2 * (along - case.contact.friction * into)
-    return along * time**2 / 3.0
+    way, along = np.copysign(1.0, along), abs(along)
+    if along > 3.0 * _friction(case, body) * into:
+        return float(way * (0.5 * time**2 * (along - _friction(case, body) * into)))
+    return float(way * (along * time**2 / 3.0))
 
 
 def rolling_spin(case: Case, *, body: str, time: float) -> float:
@@ -155,20 +166,22 @@ def rolling_spin(case: Case, *, body: str, time: float) -> float:
     along, into = _gravity(case)
     shape = case.bodies[body].shape
     assert shape is not None and shape.disc is not None
-    rate = 2.0 * case.contact.friction * into if along > 3.0 * case.contact.friction * into else 2.0 * along / 3.0
-    return -rate * time / shape.disc.radius
+    way, along, friction = np.copysign(1.0, along), abs(along), _friction(case, body)
+    rate = 2.0 * friction * into if along > 3.0 * friction * into else 2.0 * along / 3.0
+    return float(-way * (rate * time / shape.disc.radius))
 
 
 # --- a cylinder that rests on a rigid floor ------------------------------------------------------------------
 
 
 def _line_load(case: Case) -> tuple[float, float, float]:
-    """Weight over thickness [force/length], radius, and E / (1 - nu²) of a cylinder on a rigid floor."""
+    """Weight over thickness [force/length], radius, and E' of a cylinder on a rigid floor; E' = E in plane stress."""
     body, material = _first(case)
     assert body.shape is not None and body.shape.disc is not None
     radius = body.shape.disc.radius
     weight = material.density * np.pi * radius**2 * _gravity(case)[1]
-    return weight, radius, material.young_modulus / (1.0 - material.poisson_ratio**2)
+    squared = material.poisson_ratio**2 if case.plane.assumption == "strain" else 0.0
+    return weight, radius, material.young_modulus / (1.0 - squared)
 
 
 def contact_half_width(case: Case) -> float:

@@ -23,10 +23,15 @@ def plane_modulus(material: Material, assumption: str) -> float:
     return young if assumption == "stress" else young / (1.0 - material.poisson_ratio**2)
 
 
-def at2_strength(material: Material) -> float:
-    """Largest stress of a bar whose energy is all degraded, 9/16 sqrt(E Gc / (6 l0)) [stress], where c = 3/4."""
+def bar_strength(material: Material) -> float:
+    """Largest stress of a bar whose energy is all degraded [stress].
+
+    With AT2 9/16 sqrt(E Gc / (6 l0)), where c = 3/4; with AT1 sqrt(3 E Gc / (16 l0)), up to which c = 1.
+    """
     assert material.fracture is not None
     fracture = material.fracture
+    if fracture.functional == "AT1":
+        return float(np.sqrt(3.0 * material.young_modulus * fracture.toughness / (16.0 * fracture.length_scale)))
     return 9.0 / 16.0 * float(np.sqrt(material.young_modulus * fracture.toughness / (6.0 * fracture.length_scale)))
 
 
@@ -57,7 +62,7 @@ def disc_concentration(
 def disc_strength(case: Case) -> float:
     """Force at which the tension across the disc's middle, 2 P / (pi D t), is the strength of a bar."""
     lower, upper = case.bounding_box()
-    strength = at2_strength(next(iter(case.materials.values())))
+    strength = bar_strength(next(iter(case.materials.values())))
     return strength * np.pi / 2.0 * float(upper[0] - lower[0]) * case.plane.thickness
 
 

@@ -10,6 +10,7 @@ from cases.errors import UserError
 from cases.geometry import SLACK
 from cases.judging import EACH
 from physics.exact import SOLUTIONS
+from physics.exact_rules import otherwise_than
 from physics.surface_energy import seen_toughness as toughness_of_cells
 from verify.metrics.curves import Curve
 from verify.metrics.metric import Metric, MetricError
@@ -159,7 +160,8 @@ def reference_curve(case: Case, name: str) -> Curve:
 def exact_curve(run: RunFolder) -> Curve:
     """Exact force at the displacements of a run."""
     case = run.case
-    force = SOLUTIONS[case.exact].force if case.exact else None
+    _require_exact(case)
+    force = SOLUTIONS[case.exact].force if case.exact in SOLUTIONS else None
     if force is None:
         raise MetricError(
             f"{case.name}: its exact solution {case.exact!r} gives no force; check another metric"
@@ -195,6 +197,7 @@ def _published(check: Check, case: Case, name: str) -> float:
 
 def _exact(check: Check, run: RunFolder) -> float:
     case = run.case
+    _require_exact(case)
     solution = SOLUTIONS.get(case.exact or "")
     if solution and check.metric in solution.values:
         return solution.values[check.metric](case, **check.parameters)
@@ -202,9 +205,15 @@ def _exact(check: Check, run: RunFolder) -> float:
         return METRICS[check.metric](exact_curve(run))
     if check.metric == "fracture_energy" and solution and solution.fracture_energy:
         return solution.fracture_energy(case)
-    if check.metric in ("energy_release_rate", "fracture_energy_rate"):
+    if check.metric in ("energy_release_rate", "fracture_energy_rate") and any(c.motion for c in case.constraints):
         return seen_toughness(case)
     raise MetricError(f"{case.name}: no exact value of {check.metric} is known; check it against a value")
+
+
+def _require_exact(case: Case) -> None:
+    """Raise MetricError for a run that is none of the cases of its exact solution, such as a result kept from before."""
+    if case.exact in SOLUTIONS and (otherwise := otherwise_than(case, case.exact)):
+        raise MetricError(f"{case.name}: its exact solution {case.exact!r} {otherwise}")
 
 
 def seen_toughness(case: Case) -> float:

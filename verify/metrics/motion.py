@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cases import Case
 from numerics.description import outlines
 from physics.exact_motion import bar_period, contact_half_width, pressure_wave_speed
+from physics.exact_rules import otherwise_than
 from verify.metrics.histories import largest_energy, missing_energy
 from verify.metrics.metric import MetricError, NotGivenError, history_column, metric, run_name, whole_column
 
@@ -40,9 +41,16 @@ def period(run: RunData, *, of: str = "momentum_x") -> float:
     return float(2.0 * (zeros[-1] - zeros[0]) / (len(zeros) - 1))
 
 
+def _require_exact(run: RunData, solution: str) -> None:
+    """Raise MetricError for a run that is no case of the exact solution from which its error is measured."""
+    if otherwise := otherwise_than(run.case, solution):
+        raise MetricError(f"{run_name(run)}: the exact solution {solution!r} {otherwise}")
+
+
 @metric("number", "relative error of the vibrating bar's period")
 def period_error(run: RunData) -> float:
     """Relative error of the vibrating bar's period."""
+    _require_exact(run, "vibrating_bar")
     return abs(period(run) / bar_period(run.case) - 1.0)
 
 
@@ -58,6 +66,7 @@ def half_width_error(run: RunData) -> float:
     measured = run.info.get("measures", {}).get("contact_half_width")
     if measured is None:
         raise MetricError(f"{run_name(run)}: nothing rests on a floor; run it longer")
+    _require_exact(run, "line_contact")
     return abs(measured / contact_half_width(run.case) - 1.0)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from cases import Case, UserError
 from cases.solvers import IMPORTED, SOLVERS
 from cases.spacing import count_cells
+from physics.exact_rules import require_exact
 from physics.rocking.records import missing_record
 from verify.runs.importing import history_of, read_foreign
 from verify.runs.running import DISCRETISATIONS
@@ -59,9 +60,10 @@ def refusals(cases: Iterable[Case]) -> Refusals:
 def _refusal(case: Case) -> str:
     """What the solver of a case's run says against it; empty where it takes it."""
     solver = case.run_spec(case.run or "").solver
-    if SOLVERS[solver].table and solver != IMPORTED:
-        return ""
     try:
+        require_exact(case)
+        if SOLVERS[solver].table and solver != IMPORTED:
+            return ""
         if solver == IMPORTED:
             history_of(read_foreign(case)[0], case)
             return ""

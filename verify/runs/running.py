@@ -19,6 +19,7 @@ from cases.errors import UserError
 from cases.solvers import SOLVERS, Solver
 from numerics.costs import Costs
 from numerics.status import RunStatus
+from physics.exact_rules import require_exact
 from verify.extras import missing_extra
 from verify.runs.atomic import WriteError
 from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError, CheckpointWriter
@@ -146,6 +147,7 @@ def run(
     a way back to it: of a run that blew up there are the snapshots before.
     """
     merged = case_for_run(case, run_name, tier)
+    require_exact(merged)
     folder = case_folder(Path(out), merged, run_name)
     finished = None if force else up_to_date(merged, folder)
     require_own_folder(folder, merged)
