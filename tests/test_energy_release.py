@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cases.geometry import Shape
 from verify.metrics.energy_release import energy_release_rate
 from verify.metrics.registry import METRICS
 
@@ -87,6 +88,15 @@ def test_rotated_crack_gives_the_same():
     assert found == pytest.approx(release_rate(points, volume), rel=1e-9)
 
 
+def made_up_case(h, notches=()):
+    """What the metric asks of a case, whose body is large."""
+    body = SimpleNamespace(shape=Shape(rectangle={"lower": (-5.0, -5.0), "upper": (5.0, 5.0)}))
+    return SimpleNamespace(
+        name="made up", plane=SimpleNamespace(thickness=THICKNESS), mesh=SimpleNamespace(h=h), bodies={"plate": body},
+        notches=notches, all_notches=notches, tractions=(),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("broken", [True, False])
 def test_the_metric_takes_the_direction_of_the_crack_or_of_its_notch(broken):
     """A crack along y: traced, or the only notch of a body in which nothing broke."""
@@ -96,9 +106,7 @@ def test_the_metric_takes_the_direction_of_the_crack_or_of_its_notch(broken):
     phase = 1 - np.exp(-away / 0.06) if broken else np.ones(len(points))
     data = turned_state(points) | {"reference": points @ TURN.T, "volume": volume, "phase_field": phase}
     notch = SimpleNamespace(kind="slit", start=TURN @ (TIP - (1.0, 0.0)), end=TURN @ TIP)
-    case = SimpleNamespace(
-        plane=SimpleNamespace(thickness=THICKNESS), all_notches=() if broken else (notch,), mesh=SimpleNamespace(h=0.02)
-    )
+    case = made_up_case(0.02, () if broken else (notch,))
     run = SimpleNamespace(
         case=case, info={"run": "a run"}, snapshots=lambda: [(0.0, 0, SimpleNamespace(point_data=data))]
     )
@@ -139,7 +147,7 @@ def test_metric_averages_the_last_third_of_the_snapshots_around_the_traced_tip()
 
     tips = [TIP + np.array([x, 0.0]) for x in (-0.2, -0.15, -0.1, -0.05, 0.0, 0.05)]
     snapshots = [snapshot(tip, factor) for tip, factor in zip(tips, [9, 9, 9, 9, 1, 3], strict=True)]
-    case = SimpleNamespace(plane=SimpleNamespace(thickness=THICKNESS), all_notches=[], mesh=SimpleNamespace(h=h))
+    case = made_up_case(h)
     run = SimpleNamespace(case=case, info={"run": "a run"}, snapshots=lambda: snapshots)
     found = METRICS["energy_release_rate"](run, inner=0.3, outer=0.6)
     assert found == pytest.approx(2 * EXACT, rel=1e-2)

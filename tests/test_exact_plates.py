@@ -76,7 +76,9 @@ def made_up():
         snapshots=lambda: [(0.5, 1, points)],
         history=pd.DataFrame({"u": [0.0, 1.0], "F": [0.0, 8.0]}),
         case=SimpleNamespace(
-            plane=SimpleNamespace(thickness=2.0), dynamics=None, load=SimpleNamespace(increments=(0.1,))
+            plane=SimpleNamespace(thickness=2.0), dynamics=None, load=SimpleNamespace(increments=(0.1,)),
+            constraints=(SimpleNamespace(follows_load=True, scale=-1.0),),
+            tractions=(), body_forces=(), eigenstrains=(),
         ),
         info={"run": "made up"},
     )

@@ -13,8 +13,8 @@ from cases.spacing import SAME_LINE
 from physics.surface_energy import SurfaceEnergy
 from verify.metrics import crack_path as paths
 from verify.metrics.curves import Array
-from verify.metrics.energy_release import energy_release_rate as release_rate
 from verify.metrics.metric import LINE, MetricError, NotGivenError, metric, run_name
+from verify.metrics.release import release_rate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -105,30 +105,20 @@ def energy_release_rate(
     if not snapshots:
         raise NotGivenError(f"{run_name(run)}: has no snapshots; name some in output.snapshots")
     last = snapshots[-math.ceil(share * len(snapshots)) :]
-    return float(np.mean([_release_rate(points, run.case, inner, outer, tip, direction) for _, _, points in last]))
+    return float(np.mean([_release_rate(u, points, run.case, inner, outer, tip, direction) for u, _, points in last]))
 
 
 def _release_rate(
-    points: Any, case: Case, inner: float, outer: float, tip: Sequence[float] | None, direction: Sequence[float] | None
-) -> float:
+    load: float, points: Any, case: Case, inner: float, outer: float,
+    tip: Sequence[float] | None, direction: Sequence[float] | None,
+) -> float:  # fmt: skip
     data = points.point_data
     reference = np.asarray(data["reference"])[:, :2]
     at, along = (None if given is None else np.asarray(given, dtype=float) for given in (tip, direction))
     if at is None or along is None:
         start, end = _last_part(reference, np.asarray(data["phase_field"]), case, outer)
         at, along = end if at is None else at, end - start if along is None else along
-    return release_rate(
-        reference,
-        np.asarray(data["volume"]),
-        case.plane.thickness,
-        np.asarray(data["stress"]),
-        np.asarray(data["gradient"]),
-        np.asarray(data["energy_density"]),
-        at,
-        inner,
-        outer,
-        along,
-    )
+    return release_rate(data, case, load, at, along, inner, outer)
 
 
 def _last_part(reference: Array, phase_field: Array, case: Case, length: float) -> tuple[Array, Array]:

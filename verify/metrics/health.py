@@ -21,6 +21,7 @@ from cases.spacing import cell_sizes
 from numerics.fields import Fields
 from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
 from verify.metrics.histories import largest_energy, missing_energy
+from verify.metrics.release import tractions_on_faces
 
 
 @dataclass(frozen=True)
@@ -320,23 +321,11 @@ def _released(
     )  # fmt: skip
     along, aside = slit.coordinates(fields.reference)
     near = np.flatnonzero(within & (along > 0.0) & (along < slit.length) & (np.abs(aside) < h))
-    traction = _on_faces(case, slit, along[near], aside[near], load)
+    traction = tractions_on_faces(case, slit, along[near], aside[near], load)
     rate += release_rate_of_faces(
         offset[near], fields.volume[near] / (thickness * h), traction, fields.gradient[near], inner, outer, direction
     )
     return abs(rate) * thickness
-
-
-def _on_faces(case: Case, slit: Segment, along: NDArray, aside: NDArray, load: float) -> NDArray:
-    """Tractions (n, 2) on the faces of a slit at places along it (n,), on the side of `aside` (n,) [stress]."""
-    place = np.array(slit.start) + along[:, None] * slit.direction
-    x, y = slit.direction
-    outward = -np.sign(aside)[:, None] * np.array([-y, x])
-    total = np.zeros_like(place)
-    for traction in case.tractions:
-        on = case.boundaries[traction.on].select(place, 1e-6 * case.mesh.h, case.bounding_box())
-        total += on[:, None] * (load if traction.follows_load else 1.0) * traction.on_edges(outward)
-    return total
 
 
 #: weights of xx, yy, xy in the square of a stress

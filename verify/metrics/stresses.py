@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.exact_plates import COMPONENTS, plane_modulus
-from verify.metrics.energy_release import energy_release_rate as release_rate
 from verify.metrics.metric import MetricError, history_column, metric, require_stored, run_name
+from verify.metrics.release import release_rate
 
 if TYPE_CHECKING:
+    from cases.material import Material
     from verify.metrics.metric import RunData
 
 
@@ -31,7 +32,7 @@ def stress_concentration(
     run: RunData, *, at: Sequence[float], component: str, section: float, radius: float, u: float
 ) -> float:
     """The metric stress_at over F / (section * thickness); section [length]."""
-    data, force = _loaded_state(run, u)
+    data, force, _ = _loaded_state(run, u)
     return _mean_stress(run, data, at, component, radius) * section * run.case.plane.thickness / force
 
 
@@ -44,14 +45,10 @@ def geometry_factor(
 
     tip, direction, inner, outer : as in `energy_release_rate`. length : a, half of an inner crack [length].
     """
-    data, force = _loaded_state(run, u)
+    data, force, at = _loaded_state(run, u)
     nominal = force / (section * run.case.plane.thickness)
-    release = release_rate(
-        np.asarray(data["reference"])[:, :2], np.asarray(data["volume"]), run.case.plane.thickness,
-        np.asarray(data["stress"]), np.asarray(data["gradient"]), np.asarray(data["energy_density"]),
-        tip, inner, outer, direction,
-    )  # fmt: skip
-    material = next(iter(run.case.materials.values()))
+    release = release_rate(data, run.case, at, tip, direction, inner, outer)
+    material = _material_at(run, tip)
     intensity = np.sqrt(max(release, 0.0) * plane_modulus(material, run.case.plane.assumption))
     return float(intensity / (abs(nominal) * np.sqrt(np.pi * length)))
 
@@ -63,16 +60,35 @@ def _state(run: RunData, wanted: float) -> tuple[float, Mapping[str, NDArray]]:
     return u, points.point_data
 
 
-def _loaded_state(run: RunData, wanted: float) -> tuple[Mapping[str, NDArray], float]:
-    """Data of the points, and force, in the snapshot nearest to a displacement."""
+def _material_at(run: RunData, place: Sequence[float]) -> Material:
+    """The isotropic material of the body at a place, which has one modulus."""
+    number = int(run.case.inside([place])[0])
+    body = list(run.case.bodies.values())[max(number, 0)]
+    material = run.case.materials[body.material]
+    if material.is_anisotropic:
+        said = f"{body.material!r} is anisotropic, and K_I is no root of J E' there"
+        raise MetricError(f"{run_name(run)}: {said}; ask for energy_release_rate")
+    return material
+
+
+def _loaded_state(run: RunData, wanted: float) -> tuple[Mapping[str, NDArray], float, float]:
+    """Data of the points, the force of the one boundary that the load moves, and u in the snapshot nearest to one wanted.
+
+    F does work on u: it is that force times the constraint's scale, and no force of a section where loads act by a factor
+    or several boundaries move.
+    """
     if run.case.dynamics is not None:
         said = "moves in time, and has no force on a section"
         raise MetricError(f"{run_name(run)}: {said}; ask for stress_at, or in a quasi-static case")
     u, data = _state(run, wanted)
-    force = float(np.interp(u, history_column(run, "u"), history_column(run, "F")))
+    moved = [c for c in run.case.constraints if c.follows_load]
+    if run.case.tractions or run.case.body_forces or run.case.eigenstrains or len(moved) != 1 or not moved[0].scale:
+        said = "F is work per u, and the force on a section only where one constraint with a scale is all that acts"
+        raise MetricError(f"{run_name(run)}: {said}; ask for stress_at or energy_release_rate, or load it so")
+    force = float(np.interp(u, history_column(run, "u"), history_column(run, "F"))) / abs(moved[0].scale)
     if force == 0.0:
         raise MetricError(f"{run_name(run)}: carries nothing at u = {u:g}; name an output.snapshots with load on it")
-    return data, force
+    return data, force, u
 
 
 def _mean_stress(run: RunData, data: Mapping[str, NDArray], at: Sequence[float], component: str, radius: float) -> float:

@@ -1,0 +1,96 @@
+"""K_I, J and stress concentration of a plate with a crack, however it is loaded; what they cannot tell is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from verify import run
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import METRICS
+
+# a crack of 2 a = 8 in a plate of 40 by 40
+PLATE = """
+title = "Crack in a plate"
+requirement = "However it is loaded it has one release rate."
+units = { length = "mm", force = "N" }
+plane = { assumption = "stress", thickness = 2.0 }
+materials.other = { young = 5, poisson = 0.3 }
+materials.m = { young = 1000, poisson = 0.3 }
+bodies.plate = { material = "m", shape = { rectangle = { lower = [-20, LOWER], upper = [20, 20] } } }
+boundaries = { mid = { point = [-20, LOWER] }, ahead = { box = { lower = [4, 0], upper = [20, 0] } }, more = { box = { lower = [-20, 0], upper = [-4, 0] } }, crack = { segment = [[-4, 0], [4, 0]] }, corner = { point = [20, -20] } }
+mesh.h = 0.5
+runs.fem = { solver = "fem" }
+"""  # noqa: E501 (tables in one line end there)
+SLIT = 'notches = [{ kind = "slit", start = [-4, 0], end = [4, 0], contact = false }]\n'
+MID = '{ on = "mid", direction = "x", value = 0 }'
+LOADS = {
+    "one side": f'[{MID}, {{ on = "bottom", direction = "y", value = 0 }}, {{ on = "top", direction = "y", scale = 1 }}]',
+    "twice": f'[{MID}, {{ on = "bottom", direction = "y", value = 0 }}, {{ on = "top", direction = "y", scale = 2 }}]',
+    "both sides": f'[{MID}, {{ on = "bottom", direction = "y", scale = -1 }},'
+    ' { on = "top", direction = "y", scale = 1 }]',
+    "half": f'[{MID}, {{ on = "ahead", direction = "y", value = 0 }}, {{ on = "more", direction = "y", value = 0 }},'
+    ' { on = "top", direction = "y", scale = 1 }]',
+    "force": f'[{MID}, {{ on = "mid", direction = "y", value = 0 }}, {{ on = "corner", direction = "y", value = 0 }}]',
+}
+PRESSURES = {
+    "far": '[{ on = "top", value = [0, 1], ramp = "load" }, { on = "bottom", value = [0, -1], ramp = "load" }]',
+    "faces": '[{ on = "crack", pressure = 1.0, ramp = "load" }]',
+}
+TIP = {"tip": [4.0, 0.0], "direction": [1.0, 0.0]}
+BOXES = {"inner": 1.0, "outer": 3.0}
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory: pytest.TempPathFactory):
+    """A run of a plate loaded in one of the ways; of tractions, by their name."""
+    folder: Path = tmp_path_factory.mktemp("plates")
+
+    def solved(way: str):
+        tractions = way in PRESSURES
+        path = "load = { path = [0.0, 1.0], increment = 1.0 }\noutput.snapshots = [1.0]\n"
+        loads = f"constraints = {LOADS['force' if tractions else way]}\n"
+        loads += f"tractions = {PRESSURES[way]}\n" if tractions else ""
+        head, table = PLATE.replace("LOWER", "0" if way == "half" else "-20").split("mesh.h", 1)
+        file = folder / f"{way.replace(' ', '_')}.toml"
+        file.write_text(head + loads + path + ("" if way == "half" else SLIT) + "mesh.h" + table)
+        return run(file, "fem", out=folder, threads=1)
+
+    return solved
+
+
+@pytest.mark.parametrize("way", ["one side", "twice"])
+def test_a_geometry_factor_is_that_of_the_force_on_the_section(plate, way):
+    """sqrt(1 / cos(pi a / W)) = 1.025 of a long plate."""
+    factor = METRICS["geometry_factor"](plate(way), **TIP, **BOXES, length=4.0, section=40.0, u=1.0)
+    assert factor == pytest.approx(1.025, rel=0.03)
+    far = {"at": [-18.0, 18.0], "component": "yy", "radius": 1.5, "section": 40.0, "u": 1.0}
+    assert METRICS["stress_concentration"](plate(way), **far) == pytest.approx(1.07, rel=0.02)
+
+
+@pytest.mark.parametrize("way", ["both sides", "far"])
+def test_where_f_is_no_force_on_a_section_no_factor_is_told(plate, way):
+    with pytest.raises(MetricError, match="only where one constraint with a scale is all that acts"):
+        METRICS["geometry_factor"](plate(way), **TIP, **BOXES, length=4.0, section=40.0, u=1.0)
+    far = {"at": [-18.0, 18.0], "component": "yy", "radius": 1.5, "section": 40.0, "u": 1.0}
+    with pytest.raises(MetricError, match="ask for stress_at"):
+        METRICS["stress_concentration"](plate(way), **far)
+
+
+def test_pressure_on_the_faces_releases_what_tension_far_away_does(plate):
+    far, faces = (METRICS["energy_release_rate"](plate(way), **TIP, **BOXES) for way in ("far", "faces"))
+    assert far == pytest.approx(1.06**2 * np.pi * 4.0 / 1000.0, rel=0.06)
+    assert faces == pytest.approx(far, rel=0.04)
+
+
+@pytest.mark.parametrize(
+    ("way", "boxes", "said"),
+    [
+        ("half", BOXES, "bodies fill 50% of the box of outer = 3; make it smaller, or give the whole body"),
+        ("one side", {"inner": 1.0, "outer": 24.0}, "bodies fill"),
+        ("one side", {"inner": 1.0, "outer": 9.0}, "holds the other end of the slit too"),
+    ],
+)
+def test_a_box_that_is_not_filled_or_holds_two_tips_is_refused(plate, way, boxes, said):
+    with pytest.raises(MetricError, match=said):
+        METRICS["energy_release_rate"](plate(way), **TIP, **boxes)

@@ -1,0 +1,118 @@
+"""The energy release rate of a crack of a case: what its bodies and the tractions on its faces give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from cases.notches import Segment
+from cases.spacing import SAME_LINE, cell_sizes
+from numerics.description import outlines
+from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
+from verify.metrics.metric import MetricError
+
+if TYPE_CHECKING:
+    from cases import Case
+
+#: share of the outer box that the bodies must fill: a machined notch may take some of it
+FILLED = 0.9
+
+
+def release_rate(
+    data: Mapping[str, NDArray], case: Case, load: float, tip: ArrayLike, direction: ArrayLike, inner: float, outer: float
+) -> float:
+    """Energy release rate J around a tip (2,), with what tractions on the faces of slits add [force / length].
+
+    data : fields of the points of a snapshot. load : its load parameter. direction, inner, outer : as of
+        `verify.metrics.energy_release`.
+
+    Raises MetricError where the outer box goes out of the bodies, or holds the other end of the slit.
+    """
+    _require_box(case, np.asarray(tip, dtype=float), outer)
+    points, volume = np.asarray(data["reference"])[:, :2], np.asarray(data["volume"])
+    gradient = np.asarray(data["gradient"])
+    rate = energy_release_rate(
+        points, volume, case.plane.thickness, np.asarray(data["stress"]), gradient, np.asarray(data["energy_density"]),
+        tip, inner, outer, direction,
+    )  # fmt: skip
+    if not case.tractions:
+        return rate
+    slits = (notch for notch in case.all_notches if notch.kind == "slit")
+    loaded = (_of_faces(case, slit, load, data, tip, direction, inner, outer) for slit in slits)
+    return rate + sum(loaded)
+
+
+def _require_box(case: Case, tip: NDArray, outer: float) -> None:
+    box = shapely.box(*(tip - outer), *(tip + outer))
+    bodies = shapely.union_all(outlines(case))
+    filled = bodies.intersection(box).area / box.area
+    place = f"around the tip at ({tip[0]:g}, {tip[1]:g})"
+    if filled < FILLED:
+        said = f"{place} the bodies fill {filled:.0%} of the box of outer = {outer:g}"
+        raise MetricError(f"case {case.name}: {said}; make it smaller, or give the whole body")
+    for slit in (notch for notch in case.all_notches if notch.kind == "slit"):
+        ends = np.array([slit.start, slit.end])
+        at_tip = np.abs(ends - tip).max(axis=1) < SAME_LINE * case.mesh.h
+        other = shapely.Point(ends[0 if at_tip[1] else 1])
+        if at_tip.any() and box.contains(other) and bodies.contains(other):
+            said = f"{place} the box of outer = {outer:g} holds the other end of the slit too"
+            raise MetricError(f"case {case.name}: {said}; make it smaller than the slit is long")
+
+
+def _of_faces(
+    case: Case, slit: Segment, load: float, data: Mapping[str, NDArray],
+    tip: ArrayLike, direction: ArrayLike, inner: float, outer: float,
+) -> float:  # fmt: skip
+    """What tractions on both faces of a slit add, by the rise of their displacement from point to point beside them."""
+    faces = _faces(case, slit, data)
+    total, e = 0.0, np.asarray(direction, dtype=float) / np.linalg.norm(direction)
+    for side, places, moved in faces:
+        # the faces meet at the tip, and go on as they are elsewhere
+        meet = [np.abs(np.subtract(place, tip)).max() < SAME_LINE * case.mesh.h for place in (slit.start, slit.end)]
+        first, last = (
+            np.mean([other[end] for *_, other in faces], axis=0) if at_tip else moved[end]
+            for end, at_tip in zip((0, -1), meet, strict=True)
+        )
+        places, moved = np.array([0.0, *places, slit.length]), np.vstack([first, moved, last])
+        middle, length = 0.5 * (places[1:] + places[:-1]), np.diff(places)
+        traction = tractions_on_faces(case, slit, middle, np.full(len(middle), side), load)
+        rise = np.sign(e @ slit.direction) * np.diff(moved, axis=0)
+        gradient = np.einsum("ni,j->nij", rise / length[:, None], e).reshape(-1, 4)
+        offset = np.array(slit.start) + middle[:, None] * slit.direction - np.asarray(tip)
+        total += release_rate_of_faces(offset, length, traction, gradient, inner, outer, e)
+    return total
+
+
+def _faces(case: Case, slit: Segment, data: Mapping[str, NDArray]) -> list[tuple[float, NDArray, NDArray]]:
+    """Of each face the side on which its body is, places along it (n,) and their displacement (n, 2) [length]."""
+    points, displacement = np.asarray(data["reference"])[:, :2], np.asarray(data["displacement"])[:, :2]
+    along, aside = slit.coordinates(points)
+    normal = np.array([-slit.direction[1], slit.direction[0]])
+    slope = np.asarray(data["gradient"]).reshape(-1, 2, 2) @ normal
+    near = (along > 0.0) & (along < slit.length) & (np.abs(aside) < cell_sizes(case, points).min(axis=1))
+    faces, slack = [], SAME_LINE * case.mesh.h
+    for side in (-1.0, 1.0):
+        on = near & (side * aside > 0.0)
+        if on.any():
+            places, rows = np.unique(np.round(along[on] / slack), return_inverse=True)
+            moved = displacement[on] - aside[on, None] * slope[on]
+            moved = np.stack([np.bincount(rows, part) for part in moved.T], axis=1) / np.bincount(rows)[:, None]
+            faces.append((side, places * slack, moved))
+    return faces
+
+
+def tractions_on_faces(case: Case, slit: Segment, along: NDArray, aside: NDArray, load: float) -> NDArray:
+    """Tractions (n, 2) on the faces of a slit at places along it (n,), on the side of `aside` (n,) [stress]."""
+    place = np.array(slit.start) + along[:, None] * slit.direction
+    x, y = slit.direction
+    outward = -np.sign(aside)[:, None] * np.array([-y, x])
+    total = np.zeros_like(place)
+    for traction in case.tractions:
+        on = case.boundaries[traction.on].select(place, 1e-6 * case.mesh.h, case.bounding_box())
+        factor = traction.share(load) if case.dynamics else load if traction.follows_load else 1.0
+        total += on[:, None] * factor * traction.on_edges(outward)
+    return total
