@@ -16,6 +16,7 @@ from verify.metrics.curves import (
     initial_stiffness,
     max_error_until,
     peak_force,
+    preloaded,
 )
 from verify.metrics.measures import fitted_order
 from verify.metrics.metric import MetricError, metric
@@ -409,3 +410,26 @@ def test_fitted_order():
     for bad_h, bad_error in bad:
         with pytest.raises(MetricError):
             fitted_order(bad_h, bad_error)
+
+
+def solved_curve(u, F):
+    """As of a solver: it tells how often it iterated."""
+    return Curve.from_history(pd.DataFrame({"u": u, "F": F, "staggered": np.ones(len(u))}), "a run")
+
+
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_what_acts_before_the_load_changes_neither_stiffness_nor_the_sign_of_the_peak(turned):
+    """A bar that was heated between its ends is pressed first, and breaks in tension."""
+    u = np.linspace(0.0, 0.02, 11)
+    F = np.minimum(250.0 * (u - 0.004), 2.3 * (1.0 - 20.0 * np.maximum(u - 0.014, 0.0)))
+    heated = solved_curve(turned * u, turned * F)
+    assert preloaded(heated)
+    assert initial_stiffness(heated) == pytest.approx(250.0)
+    assert peak_force(heated) == pytest.approx(turned * F.max())
+
+
+def test_what_unloading_gives_back_is_not_known_of_a_run_that_begins_under_a_force():
+    heated = run_of(solved_curve(np.array([0.0, 1.0]), np.array([-1.0, 3.0])))
+    heated.history["staggered"] = 1
+    with pytest.raises(MetricError, match="begins under a force, and what unloading would give back is not known"):
+        METRICS["dissipated_work"](heated)

@@ -21,6 +21,7 @@ REVERSAL_TOLERANCE = 0.01  # share of the range that digitising noise may step b
 BROKEN_FRACTION = 0.05  # a curve that ends below this share of its peak has lost its load for good
 NEGLIGIBLE_FORCE = 1e-3  # share of the peak under which a relative error says nothing
 STIFFNESS_SHARE = 0.1  # share of the displacement at peak over which the initial stiffness is fitted
+ROUND_OFF = 1e-9  # share of the largest force that is none
 MINIMUM_SHARE = 0.9  # share of the reference's loaded range that a comparison must cover
 
 
@@ -134,6 +135,11 @@ def _require_columns_in_order(curve: Curve) -> None:
 # --- characteristic values ------------------------------------------------------------------------
 
 
+def preloaded(curve: Curve) -> bool:
+    """Whether a solver's curve begins under a force, of what acts from the first state on."""
+    return curve.solved and abs(float(curve.F[0])) > ROUND_OFF * float(np.abs(curve.F).max())
+
+
 def recoverable_energy(curve: Curve) -> float:
     """Elastic energy at the end of the curve, F u / 2: the material unloads along a secant to the origin."""
     return 0.5 * float(curve.F[-1] * curve.u[-1])
@@ -144,13 +150,15 @@ def loading_sign(curve: Curve) -> float:
 
     The sign under which more work was dissipated; where (nearly) nothing was, the one under which more work
     was exchanged. So a crack that opens in tension and closes in compression keeps its tensile peak although
-    the compressive force may be the larger one.
+    the compressive force may be the larger one. Of a solver's curve, whose F does work on u, the force of what acts
+    from the first state on gives work back while the load takes it off, and dissipates nothing.
     """
     dissipated, exchanged = {}, {}
     for sign in (1.0, -1.0):
         part = np.maximum(sign * curve.F, 0.0)
         recoverable = 0.5 * part[-1] * abs(curve.u[-1])
-        dissipated[sign] = abs(float(np.trapezoid(part, curve.u))) - recoverable
+        work = float(np.trapezoid(part, curve.u))
+        dissipated[sign] = (sign * work if preloaded(curve) else abs(work)) - recoverable
         exchanged[sign] = float(np.trapezoid(part, path_coordinate(curve)))
     decisive = max(dissipated.values()) > 0.01 * sum(exchanged.values())
     work = dissipated if decisive else exchanged
@@ -181,12 +189,13 @@ def initial_stiffness(curve: Curve) -> float:
     """Slope of the least-squares line through the origin over the first tenth of the way to the peak.
 
     The first loading branch is sampled evenly over that tenth (linearly between its points), so that uneven
-    or large increments do not change what is fitted.
+    or large increments do not change what is fitted. Of a solver's curve the force at u = 0, of what acts from the first
+    state on, takes the origin's place.
     """
     end = max(1, min(peak_index(curve), first_branch_end(curve)))
     along = curve.direction * _levelled(curve)[: end + 1]
     u = np.linspace(along[0], along[0] + STIFFNESS_SHARE * (along[-1] - along[0]), 21)
-    F = np.interp(u, along, curve.F[: end + 1])
+    F = np.interp(u, along, curve.F[: end + 1]) - (curve.F[0] if preloaded(curve) and curve.u[0] == 0.0 else 0.0)
     u = curve.direction * u
     return float(u @ F / (u @ u)) if u @ u > 0 else float("nan")
 

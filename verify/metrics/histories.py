@@ -68,7 +68,10 @@ def closed_stiffness_ratio(run: RunData) -> float:
 
 @metric("energy", "external work that unloading does not give back")
 def dissipated_work(run: RunData) -> float:
-    """External work of the history less the energy F u / 2 that unloading would give back."""
+    """External work of the history less the energy F u / 2 that unloading would give back, from a start without force."""
+    if curves.preloaded(curve_of(run)):
+        said = "begins under a force, and what unloading would give back is not known"
+        raise MetricError(f"{run_name(run)}: {said}; ask for fracture_energy")
     return _last(run, "W_ext") - curves.recoverable_energy(curve_of(run))
 
 
