@@ -95,7 +95,7 @@ def energy_release_rate(
     run: RunData, *, inner: float, outer: float, tip: Sequence[float] | None = None,
     direction: Sequence[float] | None = None, share: float = 1 / 3,
 ) -> float:  # fmt: skip
-    """Mean of J over the last share of the snapshots, around the crack's tip in each of them.
+    """Mean of J over the last share of the snapshots, around the crack's tip in each of them; pressure on faces counts.
 
     inner, outer : half sizes of the boxes of ``verify.metrics.energy_release``. tip : where the crack does not grow;
     otherwise the tip is traced, and where nothing broke it is the end of the only notch. direction : in which the crack
