@@ -31,7 +31,10 @@ def stress_at(run: RunData, *, at: Sequence[float], component: str, radius: floa
 def stress_concentration(
     run: RunData, *, at: Sequence[float], component: str, section: float, radius: float, u: float
 ) -> float:
-    """The metric stress_at over the force of the one boundary that the load moves / (section * thickness); section [length]."""
+    """The metric stress_at over force / (section * thickness); section [length].
+
+    The force is that of the one boundary that the load moves.
+    """
     data, force, _ = _loaded_state(run, u)
     return _mean_stress(run, data, at, component, radius) * section * run.case.plane.thickness / force
 
@@ -41,7 +44,9 @@ def geometry_factor(
     run: RunData, *, tip: Sequence[float], direction: Sequence[float], length: float, section: float,
     inner: float, outer: float, u: float,
 ) -> float:  # fmt: skip
-    """sqrt(J E') / (F / (section * thickness) sqrt(pi length)), F as of stress_concentration, in the snapshot nearest to u.
+    """sqrt(J E') / (force / (section * thickness) sqrt(pi length)), in the snapshot nearest to u [length].
+
+    The force is that of the one boundary that the load moves.
 
     tip, direction, inner, outer : as in `energy_release_rate`. length : a, half of an inner crack [length].
     """
