@@ -358,8 +358,8 @@ class _LoadPath:
     def _broken(self, force: float, load: float) -> bool:
         """Whether the force is gone at a load because the specimen is, not because it is unloaded."""
         given, march = self.case.load, self.march
-        if not given.stop_when_broken or abs(force) >= given.broken_fraction * march.peak:
-            return False
+        if not given.stop_when_broken or not march.peak_at or abs(force) >= given.broken_fraction * march.peak:
+            return False  # nor where the largest force is that of what acts from the first state on, and is taken off
         # once the path has turned, force and load fall together: what is broken has lost its stiffness too
         away = abs(load - given.path[0])
         if march.leg > 0 and abs(force) * march.peak_at >= given.broken_fraction * march.peak * away:

@@ -176,6 +176,20 @@ def test_unloading_a_cracked_plate_is_no_break():
     assert records[-1].status == "complete"
 
 
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_heated_plate_that_is_pulled_is_not_broken_where_its_force_is_zero(solver):
+    """It is pressed at first: alpha T L = 0.001 relieves it, with what plane strain adds 0.0013."""
+    steel = BREAKING["steel"] | {"expansion": 1e-5}
+    steel["fracture"] = steel["fracture"] | {"split": "no_tension"}
+    changes = {"materials": {"steel": steel}, "eigenstrains": [{"temperature": 100}], "mesh": {"h": 0.1}}
+    notch = {"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}
+    load = {"path": [0.0, 0.0026], "increment": 1.3e-3}
+    case = plate(solver, notches=[notch], load=load, **changes)
+    records = list(solver_records(DISCRETISATIONS[solver](case), case))
+    assert pytest.approx(-0.6, rel=0.01) == records[0].F and abs(records[1].F) < 1e-3
+    assert records[-1].u == 0.0026 and records[-1].F > 0.1 and records[-1].status == "complete"
+
+
 def test_a_prologue_ends_at_the_first_state_that_is_wanted():
     changes = {"load": {"path": [0.0, 0.002], "increment": 5e-4, "prologue": 0.8}, "output": {"snapshots": [4e-4]}}
     case = plate("fem", materials=BREAKING, **changes)

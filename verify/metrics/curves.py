@@ -157,8 +157,8 @@ def loading_sign(curve: Curve) -> float:
     for sign in (1.0, -1.0):
         part = np.maximum(sign * curve.F, 0.0)
         recoverable = 0.5 * part[-1] * abs(curve.u[-1])
-        work = float(np.trapezoid(part, curve.u))
-        dissipated[sign] = (sign * work if preloaded(curve) else abs(work)) - recoverable
+        given = float(np.trapezoid(part, curve.u))
+        dissipated[sign] = (sign * given if preloaded(curve) else abs(given)) - recoverable
         exchanged[sign] = float(np.trapezoid(part, path_coordinate(curve)))
     decisive = max(dissipated.values()) > 0.01 * sum(exchanged.values())
     work = dissipated if decisive else exchanged
