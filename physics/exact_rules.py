@@ -80,7 +80,7 @@ def _bar(case: Case) -> Otherwise:
 
 def _vibrating_bar(case: Case) -> Otherwise:
     """Held at the left end along the bar, and across it at both sides or, without contraction, at either."""
-    along = [c.on for c in case.constraints if c.direction == "x"]
+    along = [edge for c in case.constraints if c.direction == "x" for edge in _edges(case, c.on)]
     across = {edge for c in case.constraints if c.direction == "y" for edge in _edges(case, c.on)}
     if along != ["left"] or across != {"bottom", "top"}:
         yield "is that of a bar held along x at its left end and along y at both sides", "hold it so"
