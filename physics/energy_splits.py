@@ -44,6 +44,8 @@ def one_of(laws: Mapping[int, Response]) -> Response:
 LAWS = {code: import_module(f"physics.splits.{name}").response for name, code in SPLIT_CODES.items()}
 #: energies, stress and consistent tangent at one point, arguments as in `one_of` and `physics.splits`
 point_response = one_of(LAWS)
+#: the same as part of the loop that calls it, which may take several points at once then, and takes longer to compile
+inlined_response = one_of({code: njit(inline="always", error_model="numpy")(law.py_func) for code, law in LAWS.items()})
 
 
 @njit(cache=True, inline="always")

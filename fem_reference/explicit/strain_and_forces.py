@@ -18,7 +18,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from physics.elasticity import MaterialTable
-from physics.energy_splits import point_response
+from physics.energy_splits import inlined_response
 from physics.phase_field import degradation, expected_change
 
 #: points that one thread takes at a time
@@ -84,8 +84,8 @@ def _stress_parts(split: int) -> Callable[..., None]:
         for chunk in prange((len(gradient) + CHUNK - 1) // CHUNK):
             for p in range(chunk * CHUNK, min(len(gradient), (chunk + 1) * CHUNK)):
                 xx, yy, xy = gradient[p, 0], gradient[p, 3], gradient[p, 1] + gradient[p, 2]
-                kept = point_response(split, 0.0, xx, yy, xy, lam, mu)
-                whole = point_response(split, 1.0, xx, yy, xy, lam, mu)
+                kept = inlined_response(split, 0.0, xx, yy, xy, lam, mu)
+                whole = inlined_response(split, 1.0, xx, yy, xy, lam, mu)
                 minus[p, 0], minus[p, 1], minus[p, 2] = kept.sxx, kept.syy, kept.sxy
                 plus[p, 0], plus[p, 1] = whole.sxx - kept.sxx, whole.syy - kept.syy
                 plus[p, 2] = whole.sxy - kept.sxy

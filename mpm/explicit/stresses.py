@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from numba import njit, prange
 
-from physics.energy_splits import point_response
+from physics.energy_splits import inlined_response
 from physics.phase_field import degradation
 
 
@@ -82,7 +82,7 @@ def degraded_stresses(split: int) -> Callable[..., None]:
         for strip in prange(len(strips) - 1):
             for p in range(strips[strip], strips[strip + 1]):
                 g[p] = degradation(c[p], residual_stiffness)
-                r = point_response(split, g[p], exx[p], eyy[p], gxy[p], lam, mu)
+                r = inlined_response(split, g[p], exx[p], eyy[p], gxy[p], lam, mu)
                 sxx[p], syy[p], sxy[p] = r.sxx, r.syy, r.sxy
                 psi_plus[p], psi_minus[p] = r.psi_plus, r.psi_minus
 

@@ -7,7 +7,7 @@ from numba import njit
 from physics.point_response import PointResponse
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def response(g, exx, eyy, gxy, lam, mu):
     """Principal extensions drive fracture (Eqs. 2.74-2.80).
 
