@@ -71,8 +71,9 @@ def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.
         lines = [line.strip() for line in read_text(path).splitlines()]
     except (OSError, UnicodeDecodeError):
         raise BrokenRuleError("cannot be read as text", "save it as UTF-8 CSV", value=path.name) from None
-    rows = [line.rstrip(", ").split(",") for line in lines if line and not line.startswith("#")]
-    header = [name.strip() for name in rows[0]] if rows else []
+    rows = [line.split(",") for line in lines if line and not line.startswith("#")]
+    header = [name.strip() for name in ",".join(rows[0]).rstrip(", ").split(",")] if rows else []
+    rows = [row[: len(header)] if not "".join(row[len(header) :]).strip() else row for row in rows]
     if not set(columns) <= set(header):
         remedy = f'start it with the line "{",".join(columns)}"'
         text = f"has no columns {' and '.join(columns)}" if header else "is empty"

@@ -20,6 +20,7 @@ from cases import CaseError, case_from_tables, list_cases, load_case
 from cases.boundaries import EDGES, BoundarySet
 from cases.copies import write_copy
 from cases.errors import BrokenRuleError
+from cases.files import read_curve
 from cases.geometry import Shape
 from cases.json_schema import SCHEMA_FILE, case_schema, schema_text
 from cases.judging import merge, nest
@@ -813,6 +814,12 @@ def test_unusable_reference_curves_are_rejected(what: str, tmp_path: Path) -> No
     (tmp_path / "book.csv").write_text(text)
     message = rejection(toy(references__book__curve="book.csv"), tmp_path)
     assert "references.book.curve" in message and "book.csv" in message and words in message
+
+
+@pytest.mark.parametrize("text", ["u,F,note\n0,0,\n1,2,\n", "u,F\n0,0,\n1,2, ,\n", "u,F,\n0,0\n1,2,\n"])
+def test_empty_cells_at_the_end_of_rows_do_no_harm(text: str, tmp_path: Path) -> None:
+    (tmp_path / "book.csv").write_text(text)
+    assert read_curve(tmp_path / "book.csv").tolist() == [[0.0, 0.0], [1.0, 2.0]]
 
 
 def test_invalid_toml_is_named_with_its_line(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from verify.judging.judge import checks_of, judge_case
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.targets import JudgeError
 from verify.judging.views import checks_csv, junit_xml
-from verify.metrics.metric import REGISTERED, NothingToCompareError
+from verify.metrics.metric import REGISTERED, Metric, NothingToCompareError
 from verify.metrics.registry import find_metric
 from verify.runs import running
 from verify.runs.atomic import WriteError
@@ -180,6 +180,7 @@ def test_accepting_again_keeps_what_was_recorded_of_runs_that_are_not_there(tmp_
     reference = '[references.paper]\nkind = "table"\nsource = "Someone (2010)"\nvalues = { peak_force = 0.5 }'
     case, out = made(tmp_path, fake_solver.check("reference:paper", 0.03), reference)
     (row,) = accept(case, "first values", out)
+    assert read_baseline(case) == [row]
     shutil.rmtree(run_path(out, case.name, "quick", "mpm"))
     assert accept(case, "of the finite elements alone", out) == [] and read_baseline(case) == [row]
     sweep = '[runs.more]\nsolver = "fem"\nsweep = { "mesh.h" = [0.25, 0.2] }'
@@ -190,6 +191,15 @@ def test_accepting_again_keeps_what_was_recorded_of_runs_that_are_not_there(tmp_
     name = "more[h=0.25]"
     run(path, name, "quick", out)
     assert [row.run for row in accept(load_case(path, "quick"), "of a sweep", out)] == [name]
+
+
+def test_a_parameter_of_a_metric_of_ones_own_may_be_written_in_any_way() -> None:
+    def share(run: Any, *, at: float, count: int, plain=1) -> float:  # type: ignore[no-untyped-def]
+        return 0.0
+
+    own = Metric("share", "number", "of anything", share)
+    assert own.kind_of("at")[0] == "number" and not own.kind_of("at")[1]("5 um")
+    assert own.kind_of("count")[1](2) and own.kind_of("plain")[1]("left")
 
 
 def test_accepting_keeps_the_other_tiers(tmp_path: Path) -> None:

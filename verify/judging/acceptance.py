@@ -65,8 +65,9 @@ def accept(case: Case, reason: str, out: Path) -> list[BaselineRow]:
         raise JudgeError(f"{case.source}: {said}; nothing to accept.")
     keep_main_runs(case, judge)
     if rows:
-        asked = {key_of(check, case) for check in everything} - rows.keys()  # of runs that are not there
-        kept = [row for row in read_baseline(case) if row.tier != case.tier or row.key in asked]
+        absent = {key_of(check, case) for check in everything
+                  if any(judge.runs[name].run is None for name in members_of(case, check.run))}  # fmt: skip
+        kept = [row for row in read_baseline(case) if row.tier != case.tier or row.key in absent - rows.keys()]
         write_baseline(case, [*kept, *rows.values()])
     return list(rows.values())
 

@@ -116,8 +116,10 @@ class Metric:
         return [name for name in self.parameters if given[name].default is inspect.Parameter.empty]
 
     def kind_of(self, parameter: str) -> tuple[str, Callable[[Any], bool]]:
-        """What a parameter is called, and whether a value is that."""
-        return KINDS_OF_PARAMETERS[inspect.signature(self.function).parameters[parameter].annotation]
+        """What a parameter is called, and whether a value is that; any is where the function writes it otherwise."""
+        written = inspect.signature(self.function).parameters[parameter].annotation
+        name = written if isinstance(written, str) else getattr(written, "__name__", "")
+        return KINDS_OF_PARAMETERS.get(name, ("value", lambda value: True))
 
     def error(self, value: float, target: float | None, kind: str) -> float:
         """Distance of a value from its target, "absolute" or "relative"; without a target its size.
