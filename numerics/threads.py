@@ -11,9 +11,9 @@ _limiters: list[object] = []
 
 
 def use_threads(count: int) -> None:
-    """Use ``count`` threads in numba's loops and in PARDISO, one in numpy's products.
+    """Use ``count`` threads in numba's loops, one in numpy's products and in PARDISO (which sees to that itself).
 
-    OpenBLAS sums long products by threads, whose number would be seen in their last digits.
+    Both would sum by threads, whose number would be seen in the last digits.
     """
     os.environ["MKL_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = str(count)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -72,6 +72,17 @@ def test_linear_solvers_agree(system, name):
         assert np.allclose(solution, np.linalg.solve(scale * matrix, right_side), rtol=1e-7, atol=1e-8)
 
 
+@pytest.mark.parametrize("name", ["direct", "superlu"])
+def test_direct_solver_forgets_the_values_of_the_matrix_before(system, name):
+    pattern, values, matrix = system
+    solver, right_side = linear_solver(pattern, Costs(), name), np.arange(1.0, pattern.size + 1)
+    first = values.copy()
+    solver.solve(first, right_side)
+    first[:] = 0.0
+    for scale in (2.0, 3.0):
+        assert solver.solve(scale * values, right_side) == pytest.approx(np.linalg.solve(scale * matrix, right_side))
+
+
 def test_direct_solver_takes_a_matrix_that_is_not_positive_definite(system):
     pattern, values, matrix = system
     values[pattern.diagonal[5]] -= 50.0
