@@ -90,6 +90,8 @@ class Pardiso(_Keeping):
     #: The two-level factors (24) are solved with in a third to a half of the time. Rows and columns count from zero (35)
     SETTINGS: ClassVar = {1: 1, 2: 2, 10: 8, 21: 1, 24: 1, 35: 1}
 
+    _matrix: sparse.csr_matrix
+
     def __init__(self, pattern: Pattern, costs: Costs) -> None:
         self._pattern, self._costs = pattern, costs
         self._solver = PyPardisoSolver(mtype=self.POSITIVE_DEFINITE)

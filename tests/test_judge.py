@@ -23,7 +23,7 @@ from verify import compare
 from verify.judging.acceptance import accept
 from verify.judging.archive import read_archive, write_archive
 from verify.judging.baseline import read_baseline
-from verify.judging.coverage import NO_CHECK, coverage, coverage_sentence
+from verify.judging.coverage import NO_CHECK, Printed, coverage, coverage_sentence
 from verify.judging.judge import checks_of, judge_case
 from verify.judging.summary import exit_code, summarise, write_summary
 from verify.judging.targets import JudgeError
@@ -173,6 +173,20 @@ def test_printed_numbers_stand_beside_ours(tmp_path: Path) -> None:
     assert coverage([case], nowhere)[0].found.startswith("baseline of")
     assert "1 more within 5%" in coverage_sentence([peak, place])
     assert "1 without a value" in coverage_sentence([peak, place])
+
+
+@pytest.mark.parametrize(
+    ("printed", "ours", "gated", "reason", "standing"),
+    [
+        (0.0, 0.0, True, "none comes", "met"), (0.0, 1.0, False, "shown: one comes", "shown"),
+        (-2.0, -1.99, True, "asked", "met"), (2.0, 2.08, False, "shown", "near"), (2.0, 3.0, True, "one digit", "gated"),
+        (2.0, 3.0, False, "open discrepancy: why?", "open"), (2.0, None, False, "open discrepancy: why?", "open"),
+        (2.0, None, True, "asked", "without"),
+    ],
+)  # fmt: skip
+def test_where_a_value_stands_beside_print(printed, ours, gated, reason, standing):
+    row = Printed("case", "Someone", "table", "force", "N", printed, ours=ours, gated=gated, reason=reason)
+    assert row.standing == standing
 
 
 def test_accepting_again_keeps_what_was_recorded_of_runs_that_are_not_there(tmp_path: Path) -> None:
