@@ -97,13 +97,13 @@ def fourth_order_systems(basis, forms, volume, terms, nodal, local, out_of_balan
     unknowns, kind, value, _, _ = basis
     slopes, bends = forms
     reaction, resistance, diffusion, bending = terms
-    n_unknowns = unknowns.shape[1]
+    n_unknowns, wanted = unknowns.shape[1], local.shape[0] > 0
     for e in prange(unknowns.shape[0]):
-        parts, rest = local[e], out_of_balance[e]
-        at = value[kind[e]]
-        for entry in range(parts.size):
-            parts[entry] = diffusion[e] * slopes[kind[e], entry] + bending[e] * bends[kind[e], entry]
-        _subtract_product(parts, nodal, unknowns[e], rest)
+        rest, at = out_of_balance[e], value[kind[e]]
+        of_gradients = diffusion[e] * slopes[kind[e]] + bending[e] * bends[kind[e]]
+        _subtract_product(of_gradients, nodal, unknowns[e], rest)
+        if wanted:
+            local[e] = of_gradients
         for q in range(volume.shape[1]):
             c = 0.0
             for a in range(n_unknowns):
@@ -112,8 +112,8 @@ def fourth_order_systems(basis, forms, volume, terms, nodal, local, out_of_balan
             entry = 0
             for a in range(n_unknowns):
                 rest[a] += at[q, a] * source
-                for b in range(a, n_unknowns):
-                    parts[entry] += weight * at[q, a] * at[q, b]
+                for b in range(a, n_unknowns if wanted else a):
+                    local[e, entry] += weight * at[q, a] * at[q, b]
                     entry += 1
 
 

@@ -82,9 +82,8 @@ class GridPhaseField:
         self._fill(history_field, nodal, self.equation.systems)
 
     def assemble_residual(self, history_field: NDArray, nodal: NDArray) -> None:
-        """The same without the matrices; at order 4, whose are made on the way, with them."""
-        systems = self.equation.systems
-        self._fill(history_field, nodal, systems if self._fourth_order else systems.without_matrices)
+        """The same without the matrices."""
+        self._fill(history_field, nodal, self.equation.systems.without_matrices)
 
     def _fill(self, history_field: NDArray, nodal: NDArray, systems: LocalSystems) -> None:
         coefficients = self._coefficients

@@ -7,6 +7,7 @@ was taken out of a tuple.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, prange
 
 
@@ -63,16 +64,21 @@ def add_curvature_terms(cells, basis, terms, nodal, local, rest):
     """Add the fourth-order term of Eq. 5.37 to the systems of ``phase_field_systems``."""
     nodes, starts, members = cells.nodes, cells.starts, cells.members
     curvature, volume, bending = basis.curvature, basis.volume, terms.bending
-    for e in prange(local.shape[0]):
+    nothing = np.empty(0)
+    for e in prange(rest.shape[0]):
+        own = local[e] if local.shape[0] > 0 else nothing
         for m in range(starts[e], starts[e + 1]):
             p = members[m]
             if bending[p] > 0.0:
-                add_point_curvature(nodes[e], curvature[p], bending[p] * volume[p], nodal, local[e], rest[e])
+                add_point_curvature(nodes[e], curvature[p], bending[p] * volume[p], nodal, own, rest[e])
 
 
 @njit(cache=True)
 def add_point_curvature(nodes, curvature, weight, nodal, local, rest):
-    """Add one point's part of the fourth-order term to its cell's system: ``local`` (k (k + 1) / 2,), ``rest`` (k,)."""
+    """Add one point's part of the fourth-order term to its cell's system: ``local`` (k (k + 1) / 2,), ``rest`` (k,).
+
+    ``local`` may be empty where the matrix is not wanted.
+    """
     c0 = c1 = c2 = 0.0
     for a in range(nodes.size):
         phase = nodal[nodes[a]]
@@ -83,7 +89,7 @@ def add_point_curvature(nodes, curvature, weight, nodal, local, rest):
     for a in range(nodes.size):
         b0, b1, b2 = weight * curvature[a, 0], weight * curvature[a, 1], weight * curvature[a, 2]
         rest[a] -= b0 * c0 + b1 * c1 + b2 * c2
-        for b in range(a, nodes.size):
+        for b in range(a, nodes.size if local.size > 0 else a):
             local[entry] += b0 * curvature[b, 0] + b1 * curvature[b, 1] + b2 * curvature[b, 2]
             entry += 1
 
