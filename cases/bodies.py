@@ -48,7 +48,7 @@ class Body(Table):
     def _is_a_mesh_file(cls, mesh: Path | None, info: ValidationInfo) -> Path | None:
         if mesh is None:
             return None
-        if mesh.suffix not in MESH_SUFFIXES:
+        if mesh.suffix.lower() not in MESH_SUFFIXES:
             raise BrokenRuleError(
                 "is not a mesh file", f"give one of {', '.join(MESH_SUFFIXES)}", value=str(mesh)
             )

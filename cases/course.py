@@ -32,7 +32,7 @@ def _rows_or_file(value: Any, info: ValidationInfo) -> Any:
 CourseTable = Annotated[Rows | Path, BeforeValidator(_rows_or_file, json_schema_input_type=Rows | str)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Course:
     """A displacement over time, linear between rows, or the integral from the first row on of such a velocity.
 
@@ -54,6 +54,16 @@ class Course:
             text = f"has a time in row {back[0] + 2} that is not later than the one before"
             raise BrokenRuleError(text, "sort the rows by time, each time once", "table")
         return cls(rows[:, 0], rows[:, 1], what == "velocity")
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Course) or self.is_velocity != other.is_velocity:
+            return False
+        return np.array_equal(self.times, other.times) and np.array_equal(self.values, other.values)
+
+    @property
+    def moves(self) -> bool:
+        """Some of its rows change the displacement."""
+        return bool(np.any(self.values if self.is_velocity else np.diff(self.values)))
 
     def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
         """Displacement at times; beyond the rows as at the nearest one [length]."""

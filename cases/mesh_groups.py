@@ -98,7 +98,7 @@ def _read(path: Path, modified: int) -> Any:
         _abaqus.abaqus_to_meshio_type.update(_PLANE_STRAIN)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return meshio.read(path)
+            mesh = meshio.read(path)
     except UnicodeDecodeError as error:
         raise MeshError(f"{path}: is no UTF-8 text (byte {error.start}); save it in UTF-8") from None
     except ModuleNotFoundError as missing:
@@ -110,6 +110,11 @@ def _read(path: Path, modified: int) -> Any:
             f"{path}: the mesh cannot be read ({why or type(problem).__name__}); export it again as Gmsh .msh,"
             " Abaqus .inp or VTU"
         ) from problem
+    # Abaqus writes names with blanks in quotation marks
+    mesh.cell_sets, mesh.point_sets = (
+        {name.strip('"'): members for name, members in sets.items()} for sets in (mesh.cell_sets, mesh.point_sets)
+    )
+    return mesh
 
 
 def _check_no_instances(path: Path) -> None:

@@ -84,6 +84,8 @@ GOOD: dict[str, tuple[Writer, float, float, list[str]]] = {
     "abaqus.inp": (text(ABAQUS), 2.0, 6.0, ["Top", "all", "glue", "steel"]),
     "abaqus plane stress.inp": (text(ABAQUS.replace("CPE4", "CPS4")), 2.0, 6.0, ["Top", "all", "glue", "steel"]),
     "abaqus clockwise.inp": (text(clockwise(ABAQUS)), 2.0, 6.0, ["Top", "all", "glue", "steel"]),
+    "GMSH.MSH": (text(GMSH_2), 2.0, 6.0, GROUPS),
+    "quoted.INP": (text(ABAQUS.replace("=glue", '="glue 1"')), 2.0, 6.0, ["Top", "all", "glue 1", "steel"]),
     "quads.vtu": (mesh([("quad", QUADS)]), 2.0, 6.0, []),
     "triangles with z = 0.vtu": (mesh([("triangle", TRIANGLES)]), 2.0, 6.0, []),
     "unused nodes and lines.vtu": (

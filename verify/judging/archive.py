@@ -132,7 +132,7 @@ def _metadata(case: Case, root: Path, licence: str) -> dict[str, Any]:
 def _file_entity(file: Path, root: Path) -> dict[str, Any]:
     return {
         "@id": file.relative_to(root).as_posix(), "@type": "File", "contentSize": str(file.stat().st_size),
-        "encodingFormat": _FORMATS.get(file.suffix, "application/octet-stream"),
+        "encodingFormat": _FORMATS.get(file.suffix.lower(), "application/octet-stream"),
         "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
     }  # fmt: skip
 
