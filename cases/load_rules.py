@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cases.errors import BrokenRuleError
 from cases.geometry import SLACK
 from cases.loads import WITH_LOAD, Acting, BodyForce, Eigenstrain
@@ -60,6 +62,33 @@ def loads_fit_dynamics(case: CaseDescription) -> None:
         if first != 0.0:
             remedy = "let the displacement be 0 at time 0"
             raise BrokenRuleError("begins with a jump in time", remedy, f"constraints[{number}].table", first)
+    driven = case.tractions or any(c.velocity is not None or c.course is not None for c in case.constraints)
+    if driven and not _moves(case):
+        remedy = "give a velocity, table or traction that is not zero, or gravity"
+        raise BrokenRuleError("moves nothing: all that would drive it is zero", remedy, "dynamics")
+
+
+def follows_load(case: CaseDescription) -> bool:
+    """Something in a quasi-static case grows or moves with the load parameter."""
+    tables = (constraint.course for constraint in case.constraints if constraint.course is not None)
+    return (
+        any(constraint.scale or constraint.motion for constraint in case.constraints)
+        or any(course.moves for course in tables)
+        or any(item.follows_load and not item.is_zero for _, item in acting(case))
+    )
+
+
+def _moves(case: CaseDescription) -> bool:
+    """Something in a dynamic case moves or acts."""
+    assert case.dynamics is not None
+    of_bodies = ("velocity", "velocity_gradient")
+    return bool(
+        case.dynamics.ground
+        or any(case.dynamics.gravity)
+        or any(constraint.velocity or (constraint.course and constraint.course.moves) for constraint in case.constraints)
+        or any(np.any(getattr(body, key)) for body in case.bodies.values() for key in of_bodies)
+        or not all(traction.is_zero for traction in case.tractions)
+    )
 
 
 def _covers(case: CaseDescription, number: int, first: float, last: float, key: str) -> None:

@@ -46,6 +46,12 @@ class Acting(Table):
         """It is multiplied by the load parameter."""
         return self.ramp == WITH_LOAD
 
+    @property
+    def is_zero(self) -> bool:
+        """Nothing acts: all of its amounts are zero."""
+        amounts = (getattr(self, key, None) for key in ("value", "pressure", "gravity", "temperature"))
+        return not any(np.any(amount) for amount in amounts if amount is not None)
+
 
 class Traction(Acting):
     """Force per area on the edge of the bodies along a boundary set: a vector, or a pressure against the edge.

@@ -13,7 +13,7 @@ import shapely
 from cases.errors import BrokenRuleError
 from cases.geometry import SLACK, rounding_of, slack_of
 from cases.judging import Check
-from cases.load_rules import loads_fit_dynamics, loads_fit_statics
+from cases.load_rules import follows_load, loads_fit_dynamics, loads_fit_statics
 from cases.notches import CellsNotch
 from cases.schema import CaseDescription, changeable_tables
 from cases.solvers import SOLVERS
@@ -133,8 +133,7 @@ def _fits_statics(case: CaseDescription) -> None:
     loads_fit_statics(case)
     _acceleration_applies(case)
     _schemes_apply(case)
-    driven = case.moved_by_load or case.loaded_by_factor or case.exact is not None
-    if len(case.load.path) > 1 and not driven:
+    if len(case.load.path) > 1 and case.exact is None and not follows_load(case):
         remedy = (
             'add a constraint with scale = 1, or a motion, on the boundary that the load moves, or give what acts'
             ' ramp = "load"'

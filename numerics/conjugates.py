@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cases import Case
 
@@ -24,8 +26,8 @@ class MarchState:
     ----------
     leg : number of the path's target
     next_size : of the increment to come [unit of the load parameter]
-    peak : largest force so far
-    peak_at : distance of the load parameter from its start there
+    peak : largest force so far, on what moves by tables over their pace
+    peak_at : how far what the load moves was from its start there, by the load parameter without tables
     controlled : the fracture energy leads, not the load
     reaction : force conjugate to the load parameter on the way that comes next
     displaced : work of the forces that follow the load, at load factor one, on the displacement so far
@@ -58,6 +60,14 @@ def why_it_ends(case: Case, march: MarchState, problem: str, load: float) -> str
     return reason
 
 
+def gentler_start(case: Case) -> str:
+    """What to do where the first state of the load path has no equilibrium."""
+    smaller = "begin load.path at a smaller load"
+    if all(item.follows_load for item in (*case.tractions, *case.body_forces, *case.eigenstrains)):
+        return smaller
+    return f'let what acts from the first state on grow with ramp = "load", or {smaller}'
+
+
 def conjugate_force(discretisation: QuasiStaticDiscretisation, case: Case, march: MarchState, towards: float) -> float:
     """F of the trial state: of constraints on the way to or from a load, or of the loads where they alone follow."""
     if case.loaded_by_factor and not case.moved_by_load:
@@ -66,13 +76,54 @@ def conjugate_force(discretisation: QuasiStaticDiscretisation, case: Case, march
     return discretisation.reaction_force(towards)
 
 
+def rates(case: Case, load: float, towards: float) -> NDArray:
+    """What each constraint moves by over the load on the way to another one (n,)."""
+    moved = (c.course.rate(load, towards) if c.course and towards != load else c.scale or 0.0 for c in case.constraints)
+    return np.fromiter(moved, float)
+
+
+def carried_force(case: Case, force: float, load: float, towards: float) -> float:
+    """Size of the force on what is moved: that of F over the pace of tables, infinite where they stand still."""
+    if not any(c.course for c in case.constraints):
+        return abs(force)
+    pace = float(np.abs(rates(case, load, towards)).max())
+    return abs(force) / pace if pace else np.inf
+
+
+def turns_aside(case: Case, targets: Sequence[Target]) -> bool:
+    """Whether tables move other things on the way to the last target than to the one before: F is of another force."""
+    ways = pairwise([case.load.path[0], *(target.load for target in targets)])
+    legs = [leg / np.linalg.norm(leg) for leg in (rates(case, *ends) for ends in ways) if leg.any()]
+    return len(legs) > 1 and bool(abs(legs[-1] @ legs[-2]) < 1.0 - 1e-9)
+
+
+def way(case: Case, load: float) -> float:
+    """How far the load has moved what it moves the most from the path's start; how far it has come without tables."""
+    start = case.load.path[0]
+    courses = [c.course for c in case.constraints if c.course]
+    if not courses:
+        return abs(load - start)
+    moved = [float(course.displacement(load) - course.displacement(start)) for course in courses]
+    return max(map(abs, [*moved, *((c.scale or 0.0) * (load - start) for c in case.constraints)]))
+
+
+def has_lost_its_force(case: Case, march: MarchState, load: float, carried: float) -> bool:
+    """Whether a force on what is moved is gone at a load, and the run is to end there if the body is broken."""
+    given = case.load
+    if not given.stop_when_broken or not march.peak_at or carried >= given.broken_fraction * march.peak:
+        return False  # nor where the largest force is that of what acts from the first state on, and is taken off
+    # once the path has turned, force and load fall together: what is broken has lost its stiffness too
+    return march.leg == 0 or carried * march.peak_at < given.broken_fraction * march.peak * way(case, load)
+
+
 def gives_way(
     discretisation: QuasiStaticDiscretisation, case: Case, march: MarchState, load: float, force: float
 ) -> bool:
     """Whether forces that nothing holds displace a broken body out of all proportion."""
     if case.moved_by_load or not case.load.stop_when_broken or not march.compliance:
         return False
-    beyond = abs(force) > march.compliance * abs(load) / case.load.broken_fraction
+    # what is relieved of its load is held against the one that it bore
+    beyond = abs(force) > march.compliance * max(abs(load), march.peak_at) / case.load.broken_fraction
     return bool(beyond and discretisation.phase_field.min() < GIVING_PHASE_FIELD)
 
 

@@ -15,11 +15,16 @@ from .conjugates import (
     AT_START,
     MarchState,
     Target,
+    carried_force,
     conjugate_force,
+    gentler_start,
     gives_way,
+    has_lost_its_force,
     noted,
     path_targets,
     step_work,
+    turns_aside,
+    way,
     why_it_ends,
 )
 from .costs import OutOfTimeError
@@ -202,6 +207,8 @@ class _LoadPath:
             target = self.targets[self.march.leg].load
             if self.load == target:
                 leg = self.march.leg + 1
+                if turns_aside(self.case, self.targets[: leg + 1]):
+                    self.march = replace(self.march, peak=0.0, peak_at=0.0)
                 size = _first_size(self.targets[leg - 1 : leg + 1], self.march.next_size, self.limits.adaptive)
                 self.march = replace(self.march, leg=leg, next_size=size)
                 continue
@@ -228,7 +235,7 @@ class _LoadPath:
             c_min=float(self.discretisation.phase_field.min()), staggered=outcome.iterations,
             newton=self.discretisation.costs.count["newton"] - self.newton_before,
             seconds=time.perf_counter() - self.started, status=RunStatus.NO_CONVERGENCE, share=0.0,
-            reason=f"{problem} in the first state, u = {self.load:g}; begin load.path at a smaller load",
+            reason=f"{problem} in the first state, u = {self.load:g}; {gentler_start(self.case)}",
         )  # fmt: skip
         return self.last
 
@@ -343,10 +350,13 @@ class _LoadPath:
         coming = (target.load for target in self.targets[self.march.leg :] if target.load != load)
         return next(coming, load)
 
+    def _towards(self, load: float) -> float:
+        """The load on the way to or from which F of the trial state at a load is told."""
+        return self._beyond(load) if load == self.load else self.load
+
     def _force(self, load: float) -> float:
         """F of the trial state at a load."""
-        towards = self._beyond(load) if load == self.load else self.load
-        return conjugate_force(self.discretisation, self.case, self.march, towards)
+        return conjugate_force(self.discretisation, self.case, self.march, self._towards(load))
 
     def _gives_way(self, load: float) -> bool:
         return gives_way(self.discretisation, self.case, self.march, load, self._force(load))
@@ -357,14 +367,8 @@ class _LoadPath:
 
     def _broken(self, force: float, load: float) -> bool:
         """Whether the force is gone at a load because the specimen is, not because it is unloaded."""
-        given, march = self.case.load, self.march
-        if not given.stop_when_broken or not march.peak_at or abs(force) >= given.broken_fraction * march.peak:
-            return False  # nor where the largest force is that of what acts from the first state on, and is taken off
-        # once the path has turned, force and load fall together: what is broken has lost its stiffness too
-        away = abs(load - given.path[0])
-        if march.leg > 0 and abs(force) * march.peak_at >= given.broken_fraction * march.peak * away:
-            return False
-        return bool(self.discretisation.phase_field.min() < BROKEN_PHASE_FIELD)
+        gone = has_lost_its_force(self.case, self.march, load, carried_force(self.case, force, load, self._towards(load)))
+        return gone and bool(self.discretisation.phase_field.min() < BROKEN_PHASE_FIELD)
 
     def _grow_and_accept(self, load: float, outcome: StepOutcome) -> Increment:
         quiet = self._advance_energy() < QUIET_SHARE * self.limits.energy
@@ -386,8 +390,9 @@ class _LoadPath:
         external_work = before.external_work + step_work(discretisation, self.march, before.u, load) if before else 0.0
         elastic, fracture = discretisation.energies()
         broken = before is not None and self._broken(force, load)
-        if abs(force) > self.march.peak:
-            self.march = replace(self.march, peak=abs(force), peak_at=abs(load - self.case.load.path[0]))
+        carried = carried_force(self.case, force, load, self._towards(load))
+        if self.march.peak < carried < np.inf:
+            self.march = replace(self.march, peak=carried, peak_at=way(self.case, load))
         self.march = noted(discretisation, self.case, self.march, load, self._beyond(load), force)
         newton = discretisation.costs.count["newton"]
         discretisation.commit(outcome.history_field)

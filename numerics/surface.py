@@ -108,6 +108,8 @@ def check_loaded_length(case: Case, number: int, loaded: float) -> None:
 def _check_free(case: Case, number: int, name: str) -> None:
     """Raise BuiltError where all edges of a traction are held in the directions in which it acts."""
     traction, edges = case.tractions[number], drawn_edges(case)
+    if traction.is_zero:
+        return
     loaded = edges.cut(edges.on(case, case.boundaries[traction.on]))
     force = np.abs(traction.on_edges(loaded.normals)) * loaded.lengths[:, None]
     holding = []

@@ -345,6 +345,33 @@ def test_a_table_in_a_file_is_part_of_what_is_computed(tmp_path):
     assert hashes[0] != hashes[1]
 
 
+def test_cases_with_the_same_table_are_the_same_and_with_others_are_not(tmp_path):
+    """Even after their tables have been looked at, which keeps them as arrays."""
+    rows, other = [[0, 0], [0.5, 0.1], [1, 0.2]], [[0, 0], [0.5, 0.1], [1, 0.3]]
+    cases = [
+        bar(tmp_path, "fem", constraints=[*ROLLERS, {"on": "right", "direction": "x", "table": table}])
+        for table in (rows, rows, other)
+    ]
+    assert all(case.constraints[2].course.moves for case in cases)
+    assert cases[0] == cases[1] and cases[0] != cases[2]
+
+
+@pytest.mark.parametrize(
+    "nothing",
+    [
+        {"tractions": [{"on": "right", "value": [0, 0], "ramp": "load"}]},
+        {"body_forces": [{"value": [0, 0], "ramp": "load"}]},
+        {"constraints": [*ROLLERS, {"on": "right", "direction": "x", "table": [[0, 0], [1, 0]]}]},
+    ],
+)
+def test_loads_of_zero_alone_move_nothing(tmp_path, nothing):
+    with pytest.raises(CaseError, match=r"'load\.path' moves nothing"):
+        bar(tmp_path, "fem", **nothing)
+    # beside one that acts they may be a level of a sweep
+    driven = [*nothing.get("constraints", ROLLERS), {"on": "top", "direction": "y", "scale": 1}]
+    FiniteElements(bar(tmp_path, "fem", **nothing | {"constraints": driven}))
+
+
 MOVING = {
     "materials": {"steel": {"young": YOUNG, "poisson": POISSON, "density": 1e-3}}, "plane": {"assumption": "strain"},
     "mpm": {"order": 2}, "dynamics": {"end_time": 0.1},
@@ -403,6 +430,8 @@ def test_a_free_body_takes_up_the_impulse_of_what_is_drawn(tmp_path, run, tracti
         ({"tractions": [{"on": "right", "pressure": 1.0, "ramp": "load"}]}, "give a time"),
         ({"constraints": [{"on": "right", "direction": "x", "table": [[0, 0.1], [1, 0]]}]}, "be 0 at time 0"),
         ({"constraints": [{"on": "right", "direction": "x", "table": [[0, 0], [0.05, 1]]}]}, "add rows"),
+        ({"constraints": [{"on": "right", "direction": "x", "velocity": 0}]}, "'dynamics' moves nothing: .* a velocity"),
+        ({"tractions": [{"on": "right", "value": [0, 0]}]}, "moves nothing"),
     ],
 )
 def test_what_does_not_fit_motion_is_refused_with_a_remedy(tmp_path, tables, remedy):
