@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import LineString
+from shapely.geometry.base import BaseGeometry
 
 from cases import Case, CaseError
 from cases.notches import CellsNotch
@@ -85,15 +86,15 @@ def check_line_is_followed(case: Case, number: int, places: NDArray, cells: NDAr
 
     places : (n, 2) of the nodes. cells : (n_cells, k) nodes of each
     """
-    on = case.constraints[number].on
-    line, slack = case.boundaries[on].line(), 1e-6 * case.mesh.h
+    on, slack = case.constraints[number].on, 1e-6 * case.mesh.h
+    line, aside = _drawn_line(case, number)
     if line is None:
         return
     inside = line.intersection(shapely.union_all(outlines(case)).buffer(slack))
     inside = shapely.line_merge(inside) if inside.geom_type == "MultiLineString" else inside
     held = np.flatnonzero(case.boundaries[on].select(places, slack, case.bounding_box()))
-    for part in shapely.get_parts(inside):
-        near = held[shapely.dwithin(part, shapely.points(places[held]), 0.01 * case.mesh.h)]
+    for part in shapely.get_parts(inside)[shapely.length(shapely.get_parts(inside)) > 0.0]:
+        near = held[shapely.dwithin(part, shapely.points(places[held]), aside + 0.01 * case.mesh.h)]
         gap = _first_gap(part, shapely.line_locate_point(part, shapely.points(places[near])), near, cells, places)
         if gap is not None:
             start, end = (shapely.get_coordinates(part.interpolate(at))[0] for at in gap)
@@ -101,6 +102,27 @@ def check_line_is_followed(case: Case, number: int, places: NDArray, cells: NDAr
                 f"{case.source}: constraints[{number}].on = '{on}': no node lies on it from ({start[0]:.6g},"
                 f" {start[1]:.6g}) to ({end[0]:.6g}, {end[1]:.6g}), so that it would hold single points; {remedy}"
             )
+
+
+def holds_a_line_within(case: Case, number: int) -> bool:
+    """Whether a constraint holds a line of which a part lies within bodies, rather than an area or their edge."""
+    line, _ = _drawn_line(case, number)
+    slack = 1e-3 * case.mesh.h
+    return line is not None and line.intersection(shapely.union_all(outlines(case)).buffer(-slack)).length > slack
+
+
+def _drawn_line(case: Case, number: int) -> tuple[BaseGeometry | None, float]:
+    """Line that a constraint holds, and how far it reaches beside it: that of a crack may be a box thinner than cells."""
+    boundary = case.boundaries[case.constraints[number].on]
+    if boundary.line() is not None or boundary.box is None or case.constraints[number].direction != "phase":
+        return boundary.line(), 0.0
+    lower, upper = np.asarray(boundary.box.lower), np.asarray(boundary.box.upper)
+    thin = int(np.argmin(upper - lower))
+    width = upper[thin] - lower[thin]
+    if not 0.0 < width < case.mesh.h:
+        return None, 0.0
+    lower[thin] = upper[thin] = 0.5 * (lower[thin] + upper[thin])
+    return shapely.LineString([lower, upper]), 0.5 * width
 
 
 def _first_gap(

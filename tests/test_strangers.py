@@ -176,6 +176,29 @@ def test_unloading_a_cracked_plate_is_no_break():
     assert records[-1].status == "complete"
 
 
+@pytest.mark.parametrize(
+    ("changes", "path"),
+    [
+        ({"table": [[0, 0], [1, 0.003], [2, 0.0], [3, -0.003], [4, 0.0]]}, [0.0, 4.0]),
+        ({"table": [[0, 0], [1, 0.003], [2, 0.003], [3, 0.00301], [4, 0.0035]]}, [0.0, 4.0]),
+        ({"table": [[0, 0], [1, 0.003], [2, 0.003]], "aside": [[0, 0], [1, 0], [2, 0.002]]}, [0.0, 2.0]),
+        ({"traction": 0.05}, [0.0, 1.0, 0.0, -1.0, 0.0]),
+    ],
+)
+def test_neither_a_table_that_rests_or_turns_nor_a_load_that_is_taken_off_is_a_break(changes, path):
+    """What F stands for changes with a table's slope; at a load of zero any displacement would be out of proportion."""
+    axes = {"table": "y", "aside": "x"}.items()
+    moved = [{"on": "top", "direction": axis, "table": changes[key]} for key, axis in axes if key in changes]
+    pulled = [{"on": "top", "value": [0, changes["traction"]], "ramp": "load"}] if "traction" in changes else []
+    case = plate(
+        "fem", materials=BREAKING, notches=[{"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5]}], mesh={"h": 0.1},
+        constraints=[*PLATE["constraints"][:2], *moved], tractions=pulled, load={"path": path, "increment": 0.5},
+    )  # fmt: skip
+    *_, last = solver_records(DISCRETISATIONS["fem"](case), case)
+    assert last.is_good and not last.is_last and last.u == path[-1]
+
+
+
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
 def test_a_heated_plate_that_is_pulled_is_not_broken_where_its_force_is_zero(solver):
     """It is pressed at first: alpha T L = 0.001 relieves it, with what plane strain adds 0.0013."""
@@ -390,6 +413,36 @@ def test_a_line_that_would_be_held_at_single_nodes_is_refused(changes, lies_on_n
             continue
         with pytest.raises(CaseError, match=r"constraints\[3\]\.on = 'line': no node lies on it from .* lay it along"):
             DISCRETISATIONS[solver](case)
+
+
+@pytest.mark.parametrize(("order", "margin"), [(2, 5), (2, 0), (3, 0)])
+def test_smooth_splines_hold_no_phase_field_on_a_line_within_a_body(order, margin):
+    """Order 3 had a node there, the phase field was 1/3 beside it, and the plate bore a quarter more."""
+    held = [*PLATE["constraints"], {"on": "line", "direction": "phase", "value": 0}]
+    changes = {"boundaries": {**PLATE["boundaries"], "line": LEVEL}, "constraints": held, "materials": BREAKING}
+    with pytest.raises(CaseError, match=f"splines of order {order} do not take the values .* set mpm.order = 1"):
+        DISCRETISATIONS["mpm"](plate("mpm", **changes, mesh={"h": 0.1}, mpm={"order": order, "margin": margin}))
+
+
+def test_a_crack_in_a_box_thinner_than_cells_is_held_side_by_side_or_refused():
+    """Triangles have a node here and there in it, so that the crack would have holes."""
+    thin = {**PLATE["boundaries"], "line": {"box": {"lower": [0.5, 0.48], "upper": [1.5, 0.52]}}}
+    held = [*PLATE["constraints"], {"on": "line", "direction": "phase", "value": 0}]
+    changes = {"boundaries": thin, "constraints": held, "materials": BREAKING}
+    DISCRETISATIONS["fem"](plate("fem", **changes, mesh={"h": 0.1}))
+    with pytest.raises(CaseError, match=r"constraints\[3\]\.on = 'line': no node lies on it from"):
+        DISCRETISATIONS["fem"](plate("fem", **changes, mesh={"h": 0.1, "element": "triangle"}))
+
+
+@pytest.mark.parametrize(
+    "place", [{"segment": [[2.1, 0.2], [2.1, 0.8]]}, {"box": {"lower": [2.1, 0], "upper": [2.4, 1]}}]
+)
+@pytest.mark.parametrize(("held", "mpm"), [("phase", {"order": 1}), ("x", {"order": 1, "constraints_on": "nodes"})])
+def test_what_would_be_held_beside_the_bodies_is_refused_where_the_grid_goes_on(place, held, mpm):
+    constraints = [*PLATE["constraints"], {"on": "beside", "direction": held, "value": 0}]
+    changes = {"boundaries": {**PLATE["boundaries"], "beside": place}, "constraints": constraints, "mpm": mpm}
+    with pytest.raises(CaseError, match=r"beside.* no .*node"):
+        DISCRETISATIONS["mpm"](plate("mpm", materials=BREAKING, mesh={"h": 0.1}, **changes))
 
 
 def test_a_phase_field_that_would_be_held_between_the_lines_of_a_grid_is_refused():

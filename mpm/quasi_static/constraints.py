@@ -189,11 +189,13 @@ class PointsOn:
 
 
 def nodes_on(case: Case, nodes: NDArray) -> Selector:
-    """Selector of grid nodes on a boundary set."""
+    """Selector of grid nodes on a boundary set that is not beside all bodies, where the grid goes on without points."""
 
     def select(boundary: BoundarySet) -> tuple[NDArray, NDArray]:
         """Numbers (n,) of the nodes and their distances (n, 2) from the set, none here."""
         chosen = np.flatnonzero(boundary.select(nodes, 1e-6 * case.mesh.h, case.bounding_box()))
+        if not any(body.contains(nodes[chosen], 0.5 * case.mesh.h).any() for body in case.bodies.values()):
+            chosen = chosen[:0]
         return chosen, np.zeros((len(chosen), 2))
 
     return select

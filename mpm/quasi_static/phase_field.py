@@ -11,7 +11,7 @@ from mpm.quasi_static import phase_field_kernels as kernels
 from mpm.quasi_static.active_grid import ActiveGrid
 from mpm.quasi_static.constraints import nodes_on
 from mpm.quasi_static.point_basis import BasisValues
-from numerics.built import check_line_is_followed
+from numerics.built import check_line_is_followed, holds_a_line_within
 from numerics.costs import Costs
 from numerics.linear_solvers import lift_empty_diagonal
 from numerics.phase_field_equation import PhaseFieldEquation, PhaseFieldTerms, ScalarAtPoints
@@ -21,6 +21,16 @@ from physics.phase_field import PhaseFieldCoefficients
 
 #: unknowns whose diagonal is below this share of the usual one matter to nobody, whatever their values
 BARELY_SEEN = 1e-6
+
+
+def _check_smooth(case: Case, grid: Grid, number: int) -> None:
+    """Raise GridError where splines that do not take the values of their nodes would hold the phase field."""
+    if case.mpm.order > 1 and holds_a_line_within(case, number):
+        fourth = any(material.fracture and material.fracture.order == 4 for material in case.materials.values())
+        remedy = 'draw a notch of kind "history"' + ("" if fourth else ", or set mpm.order = 1")
+        text = f"constraints[{number}].on = '{case.constraints[number].on}': lies within bodies, where splines of order"
+        raise GridError(f"{case.source}: {text} {case.mpm.order} do not take the values of nodes; {remedy}")
+    grid.check_edges_interpolate(f"constraints[{number}].direction = 'phase'", "mpm.order = 1")
 
 
 def _check_held(case: Case, grid: Grid, number: int, nodes: NDArray) -> None:
@@ -53,7 +63,7 @@ class GridPhaseField:
         self._held, self._first = np.zeros(grid.n_nodes, bool), np.ones(grid.n_nodes)
         for number, constraint in enumerate(case.constraints):
             if constraint.direction == "phase":
-                grid.check_edges_interpolate(f"constraints[{number}].direction = 'phase'", "mpm.order = 1")
+                _check_smooth(case, grid, number)
                 nodes, _ = nodes_on(case, grid.nodes)(case.boundaries[constraint.on])
                 _check_held(case, grid, number, nodes)
                 # the slope is held at zero with the value, Eq. 5.11
