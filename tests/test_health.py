@@ -160,6 +160,51 @@ def test_faces_of_a_slit_that_is_pressed_overlap(solver, tmp_path):
     assert not beyond(examined(plate(solver, notches=notches), tmp_path / "open", solver))
 
 
+@pytest.mark.parametrize(("moves", "tripped"), [(True, {"left_behind"}), (False, set())])
+def test_points_that_leave_the_nodes_that_hold_their_crack_are_told(moves, tripped, tmp_path):
+    held = [*PLATE["constraints"], {"on": "crack", "direction": "phase", "value": 0}]
+    changes = {
+        "boundaries": {**PLATE["boundaries"], "crack": {"segment": [[0.5, 0.5], [1.5, 0.5]]}}, "constraints": held,
+        "materials": BREAKABLE, "mpm": {"order": 1, "move_points": moves}, "mesh": {"h": 0.1},
+        "load": {"path": [0.0, 0.004], "increment": 1e-3},
+    }  # fmt: skip
+    assert beyond(examined(plate("mpm", **changes), tmp_path, "mpm")) == tripped
+
+
+def test_a_sheared_crack_that_the_phase_field_draws_is_asked_like_one_of_the_history_field(tmp_path):
+    sheared = [
+        *({"on": "bottom", "direction": direction, "value": 0} for direction in ("x", "y")),
+        {"on": "top", "direction": "y", "value": 0}, {"on": "top", "direction": "x", "scale": 1},
+        {"on": "crack", "direction": "phase", "value": 0},
+    ]  # fmt: skip
+    changes = {
+        "boundaries": {"crack": {"segment": [[0.0, 0.5], [1.0, 0.5]]}}, "constraints": sheared, "materials": BREAKABLE,
+        "load": {"path": [0.0, 0.002], "increment": 1e-3},
+    }  # fmt: skip
+    assert "sheared_notch" in beyond(examined(plate("fem", **changes), tmp_path, "fem"))
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(("deflection", "tripped"), [(0.1, set()), (0.5, {"turned_at_rest"})])
+def test_a_beam_at_rest_that_is_bent_far_is_told(solver, deflection, tripped, tmp_path):
+    case = {
+        **BAR, "bodies": {"bar": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [4, 1]}}}},
+        "constraints": [*BAR["constraints"][:2], {"on": "right", "direction": "y", "scale": 1}],
+        "load": {"path": [0.0, deflection], "increment": 0.1}, "mesh": {"h": 0.25},
+    }  # fmt: skip
+    assert beyond(examined(case_from_tables(case, run=solver), tmp_path, solver)) == tripped
+
+
+def test_faces_of_a_slit_are_not_asked_of_once_the_body_is_unloaded(tmp_path):
+    """What is left of the displacement then is what points have moved within their cells."""
+    changes = {
+        "constraints": PLATE["constraints"][:2], "tractions": [{"on": "top", "value": [0, 0.1], "ramp": "load"}],
+        "load": {"path": [0.0, 1.0, 0.0], "increment": 1.0},
+    }  # fmt: skip
+    found = examined(plate("mpm", notches=[slit(0.5, 1.5)], **changes), tmp_path, "mpm")
+    assert "face_overlap" not in found
+
+
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_slit_in_contact_carries_pressure_and_opens_freely(solver, order, tmp_path):
