@@ -11,6 +11,7 @@ from physics.elasticity import MaterialTable
 from physics.exact import SOLUTIONS
 from physics.phase_field import PhaseFieldCoefficients
 from physics.surface_energy import seen_toughness
+from verify.planning.plan import plan
 
 LINEAR = {"steel": {"fracture": {"functional": "AT1"}}}
 
@@ -39,6 +40,8 @@ def test_the_profile_ends_and_costs_half_of_the_toughness_by_the_coefficients_en
     assert energy.sum() * 1e-4 * fracture.length_scale == pytest.approx(0.5 * fracture.toughness, rel=1e-4)
     assert profile(case, np.array([[4.1 * fracture.length_scale, 0.0]]), 0.0) == 1.0
     assert seen_toughness(fracture, fracture.length_scale) == pytest.approx(fracture.toughness * 19.0 / 16.0)
+    told = f"raised by 3 h / (16 l0) = {300.0 * case.mesh.h / (16.0 * fracture.length_scale):.2g} %"
+    assert any(told in note for note in plan(case, next(iter(case.run_specs()))).notes)
 
 
 def test_unknowns_stay_at_the_bound_while_they_are_pushed_and_leave_it_when_pulled():

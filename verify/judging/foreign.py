@@ -23,6 +23,7 @@ from cases.loader import read_tables
 from cases.mapping import parse_mapping
 from cases.messages import case_error
 from cases.solvers import IMPORTED
+from physics.surface_energy import RAISED
 from verify.judging.judge import checks_of
 from verify.judging.summary import summarise, write_summary
 from verify.judging.targets import CURVE_METRICS, JudgeError, reference_curve
@@ -434,7 +435,9 @@ def _remark(case: Case, ratio: float, name: str, excess: float) -> str:
 
 def _seen_toughness(case: Case, name: str) -> str:
     """What the spacing of a kept run does to its toughness, as in `verify.judging.targets.seen_toughness`."""
-    scales = [material.fracture.length_scale for material in case.materials.values() if material.fracture]
-    if name not in case.runs or not scales:
+    fractures = [material.fracture for material in case.materials.values() if material.fracture]
+    if name not in case.runs or not fractures:
         return ""
-    return f" That of {name} raises the toughness that it sees by h / (4 l0) = {25.0 * case.mesh.h / scales[0]:.2g} %."
+    words, share = RAISED[fractures[0].functional]
+    excess = 100.0 * share * case.mesh.h / fractures[0].length_scale
+    return f" That of {name} raises the toughness that it sees by {words} = {excess:.2g} %."

@@ -10,6 +10,7 @@ from cases.judging import merge
 from cases.solvers import SOLVERS
 from cases.spacing import count_cells
 from numerics.description import Description, describe
+from physics.surface_energy import RAISED
 from verify.planning.calibration import Cost, Demand, demand_of, predict
 from verify.planning.memory import check_memory
 from verify.planning.recorded_prices import chosen_savings, costs_of_savings
@@ -185,11 +186,12 @@ def _notes(case: Case, accuracy: float | None) -> tuple[str, ...]:
     for name, material in case.materials.items():
         if material.fracture is None:
             continue
-        limit = material.fracture.length_scale
-        excess = case.mesh.h / (4.0 * limit)
-        note = f"the mesh sees the toughness of {name} raised by h / (4 l0) = {100 * excess:.2g} %"
+        (words, share), scale = RAISED[material.fracture.functional], material.fracture.length_scale
+        excess = share * case.mesh.h / scale
+        note = f"the mesh sees the toughness of {name} raised by {words} = {100 * excess:.2g} %"
         if accuracy and excess > accuracy:
-            note += f"; {100 * accuracy:g} % needs h = {4.0 * limit * accuracy:.3g}, or compare with Gc (1 + h / (4 l0))"
+            fine = scale * accuracy / share
+            note += f"; {100 * accuracy:g} % needs h = {fine:.3g}, or compare with Gc (1 + {words})"
         notes.append(note)
     return tuple(notes)
 

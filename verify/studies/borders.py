@@ -11,6 +11,7 @@ from cases import Case
 from cases.solvers import SOLVERS
 from cases.studies import Map
 from physics.rocking.borders import Border as Change
+from physics.surface_energy import RAISED
 from rigid_block.verdicts import borders_of, model_of
 from verify.studies.krylov import TOLERANCE
 from verify.studies.verdicts import BLEW_UP, HOLDS, NO_CONVERGENCE, NUMERICAL_FRACTURE, accuracy
@@ -50,9 +51,9 @@ def _rigid_borders(key: str, case: Case, solver: str) -> list[Change]:
 
 
 def toughness_of_the_mesh(case: Case, chosen: Map, row: pd.DataFrame) -> float:
-    """Spacing at which the toughness that a mesh sees, Gc (1 + h / (4 l0)), is off by the error allowed."""
+    """Spacing at which the toughness that a mesh sees, Gc (1 + h / (4 l0)) with AT2, is off by the error allowed."""
     fracture = next(material.fracture for material in case.materials.values() if material.fracture)
-    return 4.0 * fracture.length_scale * _allowed(chosen)
+    return fracture.length_scale * _allowed(chosen) / RAISED[fracture.functional][1]
 
 
 def first_order(case: Case, chosen: Map, row: pd.DataFrame) -> float:
