@@ -90,6 +90,8 @@ def test_a_stress_is_the_mean_about_a_place_over_the_nominal_one(made_up):
     assert METRICS["stress_concentration"](made_up, section=3.0, **place) == 4.0 / (4.0 / 6.0)
     with pytest.raises(MetricError, match=r"no fields at u = 0.7, the nearest are of u = 0.5; add 0.7 to output"):
         METRICS["stress_at"](made_up, at=[0.0, 0.0], component="yy", radius=1.0, u=0.7)
+    with pytest.raises(MetricError, match=r"no stress at u = 0.52, which no increment reaches.* a point of load.path"):
+        METRICS["stress_at"](made_up, at=[0.0, 0.0], component="yy", radius=1.0, u=0.52)
     with pytest.raises(MetricError, match="no point within"):
         METRICS["stress_at"](made_up, at=[5.0, 0.0], component="yy", radius=1.0, u=0.5)
     with pytest.raises(MetricError, match="no stress 'zz'"):

@@ -16,15 +16,22 @@ if TYPE_CHECKING:
     from cases.material import Material
     from verify.metrics.metric import RunData
 
+#: share of a load by which another one is the same: that much stress is off
+SAME_LOAD = 0.01
+
 
 @metric("stress", "stress at a place")
 def stress_at(run: RunData, *, at: Sequence[float], component: str, radius: float, u: float) -> float:
-    """Mean stress of the points within ``radius`` [length] of the place (2,), in the snapshot nearest to u [length, in
-    dynamics time].
+    """Mean stress of the points within ``radius`` [length] of the place (2,), in the snapshot at u [length, in dynamics
+    time].
 
     component : "xx", "yy" or "xy".
     """
-    return _mean_stress(run, _state(run, u)[1], at, component, radius)
+    stored, data = _state(run, u)
+    if run.case.dynamics is None and abs(stored - u) > SAME_LOAD * abs(u):
+        said = f"has no stress at u = {u:g}, which no increment reaches; the nearest is of u = {stored:g}"
+        raise MetricError(f"{run_name(run)}: {said}; make {u:g} a point of load.path, or name another u")
+    return _mean_stress(run, data, at, component, radius)
 
 
 @metric("number", "stress at a place over the load on a nominal section")
