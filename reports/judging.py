@@ -10,7 +10,7 @@ from cases import Case, case_at
 from verify.judging.foreign import DEFAULT_FOLDER, ForeignResult, Judgement, judge_foreign
 
 from .report import write_report
-from .style import slug
+from .style import page_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,4 +56,4 @@ def judge(
     folder = Path(out) if out is not None else DEFAULT_FOLDER / loaded.name
     judged = judge_foreign(loaded, ForeignResult(history, map, crack_path, name, within, fields, arrays), folder)
     write_report(folder)
-    return replace(judged, page=folder / "pages" / f"{slug(f'{loaded.name}-{loaded.tier}')}.html")
+    return replace(judged, page=folder / "pages" / f"{page_name(loaded.name, loaded.tier)}.html")

@@ -195,7 +195,7 @@ def _page_of(entry: Mapping[str, Any], summary: Mapping[str, Any], out: Path) ->
 
 def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path) -> dict[str, Any]:
     """Write the page of one case and return its row of the overview."""
-    name = style.slug(f"{results.name}-{results.tier}" if results.tier else results.name)
+    name = style.page_name(results.name, results.tier)
     figures = out / "figures" / name
     picture, *sections = _drawn_sections(results, figures)
     main_curve = _main_curve(sections)

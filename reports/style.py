@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from contextlib import contextmanager
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -220,6 +221,13 @@ def colours_of(names: Sequence[str]) -> dict[str, str]:
 def slug(text: str) -> str:
     """Return a name that is safe as a file name and as an anchor."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-") or "unnamed"
+
+
+def page_name(case: str, tier: str) -> str:
+    """Return the name of a case's page, one of its own where signs are left out that tell it from another case's."""
+    safe = slug(case)
+    own = safe if safe == case else f"{safe}-{sha256(case.encode()).hexdigest()[:6]}"
+    return f"{own}-{tier}" if tier else own
 
 
 class _PlainNumbers(LogFormatter):

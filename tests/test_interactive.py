@@ -75,3 +75,9 @@ def shown(page: str, folder: Path) -> dict[str, Any]:
     asked = [str(BROWSER), *FLAGS, f"--user-data-dir={folder / 'profile'}", "--window-size=1300,900", file.as_uri()]
     dom = subprocess.run(asked, capture_output=True, text=True, timeout=120, check=True).stdout
     return json.loads(html.unescape(re.findall(r'data-told="([^"]*)"', dom)[0]))
+
+
+def test_cases_whose_names_differ_in_letters_have_pages_of_their_own() -> None:
+    names = {style.page_name(case, "quick") for case in ("Träger ä", "Träger ö", "a b", "a-b")}
+    assert len(names) == 4 and all(name.isascii() for name in names)
+    assert style.page_name("sen_shear", "quick") == "sen_shear-quick" and style.page_name("sen_shear", "") == "sen_shear"
