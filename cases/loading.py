@@ -206,7 +206,9 @@ class Dynamics(Table):
     order_of_update : strains before ("usl", as Algorithm 3) or after ("musl") the points' velocities, which are
         then mapped to the grid again: a light node at a free edge takes no speed that its points do not have, and energy
         is balanced better where bodies break; a block that rocks on deformable ground has blown up so
-    rotation : "additive" sums small strains in fixed axes (Eq. 6.41); "corotational" turns them with the material
+    rotation : "additive" sums small strains in fixed axes (Eq. 6.41); "corotational" turns them with the material.
+        Strains of material points come to be logarithmic, and their stresses are per area at the start: both part from
+        those of small strains by a share of the order of the strain, and so does the force
     settling : a damped stage before time 0 in which gravity comes on
     ground : how the ground moves from time 0 on
     """
