@@ -101,9 +101,10 @@ def quasi_newton_step(
     try:
         outcome = _minimised(equations, case, give_up)
         if outcome is not None and outcome.verdict == "converged" and has_run(discretisation, case, before):
-            changes, iterations = equations.sweep(SWEEPS), outcome.iterations + SWEEPS
-            if lead_away(discretisation, case, changes):
+            at_rest, iterations = equations.reached, outcome.iterations + SWEEPS
+            if lead_away(discretisation, case, equations.sweep(SWEEPS)):
                 return settle(discretisation, case, load, give_up, before, iterations)
+            equations.residual(at_rest)  # a sweep's steps are whole ones, which may go too far
             outcome = StepOutcome("converged", equations.history_field, iterations)
     except NewtonError:
         outcome = None
@@ -126,7 +127,7 @@ class CoupledEquations:
         self._equation, self._equilibrium = self._fracture.equation, discretisation.equilibrium
         self._committed = self.history_field = discretisation.history_field
         displacement = discretisation.go_to(load)
-        self.start = self._reached = np.concatenate([displacement, discretisation.nodal_phase_field[self._equation.free]])
+        self.start = self.reached = np.concatenate([displacement, discretisation.nodal_phase_field[self._equation.free]])
 
     def phase_field(self, unknowns: NDArray) -> NDArray:
         """The part of the phase field of unknowns (n,), or of residuals."""
@@ -137,7 +138,7 @@ class CoupledEquations:
 
         Raises NewtonError where it is not finite.
         """
-        discretisation, self._reached = self.discretisation, unknowns
+        discretisation, self.reached = self.discretisation, unknowns
         nodal = discretisation.nodal_phase_field.copy()
         nodal[self._equation.free] = self.phase_field(unknowns)
         discretisation.set_phase_field(nodal)
@@ -173,14 +174,14 @@ class CoupledEquations:
         self.factorise()
         changes, size = [], self._equilibrium.size
         for _ in range(times):
-            residual = self.residual(self._reached)[0][:size]
-            moved = self._reached.copy()
-            moved[:size] -= self._equilibrium.solver.solve_again(residual)
+            residual = self.residual(self.reached)[0][:size]
+            step, moved = -self._equilibrium.solver.solve_again(residual), self.reached.copy()
+            moved[:size] = search(self.discretisation, moved[:size], residual, step)[0]
             residual = self.residual(moved)[0][size:]
             step = self._equation.solver.solve_again(residual)
-            self._reached = np.concatenate([moved[:size], moved[size:] - step])
+            self.reached = np.concatenate([moved[:size], moved[size:] - step])
             changes.append(float(np.abs(step).max()))
-        self.residual(self._reached)
+        self.residual(self.reached)
         return changes
 
 

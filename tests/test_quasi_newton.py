@@ -8,6 +8,8 @@ from test_increments import COARSE, SOLVERS, march, notched
 from cases import CaseError
 from numerics.costs import Costs
 from numerics.linear_solvers import linear_solver
+from numerics.quasi_newton import CoupledEquations
+from numerics.quasi_static import increments
 from numerics.sparse_pattern import SymmetricPattern
 from numerics.threads import use_threads
 from verify import run
@@ -102,3 +104,24 @@ def test_a_matrix_that_is_kept_solves_again(name):
     for right_side in np.eye(3):
         matrix = np.array([[2.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 2.0]])
         assert matrix @ solver.solve_again(right_side) == pytest.approx(right_side, abs=1e-9)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_sweeps_behind_a_crack_that_has_run_leave_the_state_that_they_look_at(variant, solver, monkeypatch):
+    """Their steps, made as bad as can be here, may go too far where faces close."""
+    at_rest, times_swept = [], 0
+
+    def sweep(equations, times):
+        at_rest.append(equations.phase_field(equations.reached))
+        equations.residual(1.1 * equations.reached)
+        return [0.0] * times
+
+    monkeypatch.setattr(CoupledEquations, "sweep", sweep)
+    case = plate(variant, solver, "bfgs")
+    discretisation = SOLVERS[solver](case)
+    for _ in increments(discretisation, case):
+        nodal = discretisation.nodal_phase_field[discretisation.fracture.equation.free]
+        assert all(np.array_equal(nodal, values) for values in at_rest)
+        times_swept += len(at_rest)
+        at_rest.clear()
+    assert times_swept
