@@ -117,7 +117,7 @@ def fourth_order_systems(basis, forms, volume, terms, nodal, local, out_of_balan
                     entry += 1
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _subtract_product(matrix, nodal, unknowns, rest):
     """The product of a packed upper half with an element's unknowns, with its sign turned, into ``rest`` (k,)."""
     rest[:] = 0.0

@@ -7,7 +7,8 @@ from importlib import import_module
 from math import nan
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from physics.elasticity import Law
@@ -15,14 +16,14 @@ from physics.point_response import PointResponse
 from physics.splits import SPLIT_CODES, Response
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True)
 def _unknown_response(split, g, exx, eyy, gxy, lam, mu):
     """Not a number, which stops a run, where another law would pass for the one wanted."""
     return PointResponse(nan, nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
 
 
 def _first_or(code: int, first: Response, otherwise: Response) -> Response:
-    @njit(inline="always")
+    @njit(forceinline=True)
     def either(split, g, exx, eyy, gxy, lam, mu):
         """The first law if the split has its code, or else what follows."""
         if split == code:
@@ -44,11 +45,24 @@ def one_of(laws: Mapping[int, Response]) -> Response:
 LAWS = {code: import_module(f"physics.splits.{name}").response for name, code in SPLIT_CODES.items()}
 #: energies, stress and consistent tangent at one point, arguments as in `one_of` and `physics.splits`
 point_response = one_of(LAWS)
-#: the same as part of the loop that calls it, which may take several points at once then, and takes longer to compile
-inlined_response = one_of({code: njit(inline="always", error_model="numpy")(law.py_func) for code, law in LAWS.items()})
+#: the laws as parts of the loops that call them
+_INLINED = {code: njit(forceinline=True, error_model="numpy")(law.py_func) for code, law in LAWS.items()}
 
 
-@njit(cache=True, inline="always")
+def inlined_response(split, g, exx, eyy, gxy, lam, mu):
+    """``point_response`` as part of a compiled loop that knows the split and may take several points at once then."""
+    return point_response(split, g, exx, eyy, gxy, lam, mu)
+
+
+@overload(inlined_response, jit_options={"forceinline": True, "error_model": "numpy"})
+def _known_response(split, g, exx, eyy, gxy, lam, mu):
+    if not isinstance(split, types.IntegerLiteral):
+        return None
+    law = _INLINED[split.literal_value]
+    return lambda split, g, exx, eyy, gxy, lam, mu: law(g, exx, eyy, gxy, lam, mu)
+
+
+@njit(cache=True, forceinline=True)
 def _tangent_times(r, x, y, s):
     """Product (xx, yy, xy) of the tangent with a strain."""
     return r.d00 * x + r.d01 * y + r.d02 * s, r.d01 * x + r.d11 * y + r.d12 * s, r.d02 * x + r.d12 * y + r.d22 * s
@@ -73,7 +87,7 @@ def _rooted_response(split, g, exx, eyy, gxy, root):
     )  # fmt: skip
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True)
 def body_response(law, body, g, exx, eyy, gxy):
     """The same as ``point_response`` by the law (``Law``) of a body of any stiffness.
 

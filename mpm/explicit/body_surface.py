@@ -28,7 +28,7 @@ def find_reach(body: MovingBody) -> None:
     body.transfers.reaches(window.starts, points.motion, points.matter, window.width, has_edges, window.surface)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def own_normal(surface, node):
     """Unit vector out of the body (Eq. 6.33), 0 where the sum vanishes.
 
@@ -70,7 +70,7 @@ def find_normals(first, second, first_holds, second_holds, touching, count):
     return kept
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def reach_of(surface, node):
     """How far a body reaches along the normal at a node, and how far to the left of the normal, in cells.
 

@@ -39,7 +39,7 @@ def splines(k, xi):
     return linear(xi)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def basis(k, xi, value, slope):
     """Values and slopes (k,) of the k = order + 1 splines of a cell at xi in [0, 1), slopes for cells of size one."""
     values, slopes = splines(k, xi)
@@ -47,7 +47,7 @@ def basis(k, xi, value, slope):
         value[a], slope[a] = values[a], slopes[a]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def second_derivatives(k, xi, bend):
     """Second derivatives (k,) of the splines of ``basis``; none of linear ones is square integrable."""
     if k == 3:

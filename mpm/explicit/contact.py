@@ -365,7 +365,7 @@ def check_impenetrability(first, second, touching, count, step, counts):
         counts[3] += approach > max(touching.gap[n], 0.0) / step + LEFT_BY_OTHERS * speed
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _mean_velocity(side, node):
     """Of those with which a side's node goes before and after the step."""
     v = side.velocities
@@ -437,7 +437,7 @@ def meet(first, second, touching, count, step, friction, kept_velocities, sums):
     sums.impulse[number_b, 1] += total_y
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _momentum_is_kept(before, after, inverse_a, inverse_b, size):
     """C.2, against velocities of both bodies x, y before and after and the size of the impulse."""
     lost = abs((after[0] - before[0]) / inverse_a + (after[2] - before[2]) / inverse_b)

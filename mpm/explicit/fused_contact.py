@@ -195,7 +195,7 @@ def count_pair(bodies, pairs, n, contact):
         _load_floor(bodies, pairs, n, touching, contact)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _load_floor(bodies, pairs, n, touching, contact):
     if pairs.whole[n, ON_FLOOR] == 1:
         one = pairs.whole[n, BODIES]

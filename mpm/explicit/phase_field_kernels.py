@@ -185,7 +185,7 @@ def mark_changing(strips, motion, crack, history, law, tolerance, block, marked)
                 marked[int(x[p]) // block, int(y[p]) // block] = True
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _curvatures(order, x, y, over_h, operator, turn, splines, form, bend):
     """Second derivatives ``bend`` (k², 3) of a cell's functions whose squares add up to the quadratic form of gamma.
 

@@ -61,7 +61,7 @@ def rigid_side(number: int, body: MovingBody) -> RigidSide:
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _meeting(side, touching, n, node):
     """A common node of a side, and the way from the centre of mass of a free rigid body to where the bodies meet there.
 
@@ -73,7 +73,7 @@ def _meeting(side, touching, n, node):
     return node, x, (node % side.width) * side.h - side.centre[1] + touching.offset[1, n]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _velocity(side, at):
     """Of a side at a common node."""
     node, x, y = at
@@ -82,7 +82,7 @@ def _velocity(side, at):
     return side.velocity[0] - side.velocity[2] * y, side.velocity[1] + side.velocity[2] * x
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _velocity_before(side, at):
     """With which a side goes at a common node before the step."""
     node, x, y = at
@@ -94,14 +94,14 @@ def _velocity_before(side, at):
     return side.before[0] - side.before[2] * y, side.before[1] + side.before[2] * x
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _relative(first, second, at_first, at_second):
     """Velocity of the first side over that of the second at their common node."""
     (ax, ay), (bx, by) = _velocity(first, at_first), _velocity(second, at_second)
     return ax - bx, ay - by
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _yield_of(side, at, x, y):
     """Change of the velocity along a direction by a unit impulse along it."""
     node, arm_x, arm_y = at
@@ -111,7 +111,7 @@ def _yield_of(side, at, x, y):
     return 1.0 / side.mass[node] if side.kind == OWN_MASS else 0.0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _give(side, at, x, y):
     """An impulse to a side at a common node."""
     node, arm_x, arm_y = at

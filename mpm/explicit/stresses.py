@@ -24,7 +24,7 @@ class BodyLaw(NamedTuple):
     residual_stiffness: float
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def turned_strain(exx, eyy, gxy, l00, l01, l10, l11, corotational):
     """Strain after a step with the displacement gradients l of the step.
 

@@ -173,7 +173,7 @@ def find_near(nodes, order, width, low, high):
             high[column] = max(high[column], min(width - 1, j + DRIFT) + 1)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def near(starts, first, low, high):
     """Numbers of the points that were sorted into a part of a column of cells whose first cell is ``first``."""
     return range(starts[first + low], starts[first + high]) if low < high else range(0, 0)
@@ -277,7 +277,7 @@ def trial_velocities(width, step, gravity_x, gravity_y, damping, sums, velocitie
                 old_x[node] = old_y[node] = vx[node] = vy[node] = 0.0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def before_step(last, old):
     """Velocity with which a node has gone before the step; that which it starts with, where it was not there."""
     return old if np.isnan(last) else last
