@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from cases.abaqus_files import read_abaqus
 from cases.errors import BrokenRuleError, CaseError, MeshError
 
 if TYPE_CHECKING:
@@ -27,11 +28,6 @@ CORNERS = {
     "vertex": 1, "line": 2, "line3": 2, "triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4,
 }  # fmt: skip
 _GMSH = "gmsh:physical"
-#: plane strain elements of Abaqus, of which meshio knows those of plane stress alone
-_PLANE_STRAIN = {
-    "CPE3": "triangle", "CPE4": "quad", "CPE4R": "quad", "CPE4I": "quad",
-    "CPE6": "triangle6", "CPE8": "quad8", "CPE8R": "quad8",
-}  # fmt: skip
 
 
 def cells_of_groups(mesh: meshio.Mesh) -> dict[str, list[NDArray]]:
@@ -88,17 +84,17 @@ def read_mesh(path: Path) -> Any:
 def _read(path: Path, modified: int) -> Any:
     """meshio prints its complaints and leaves the program; both become one sentence here."""
     import meshio
-    from meshio.abaqus import _abaqus
 
     with path.open("rb") as file:
         if file.read(len(codecs.BOM_UTF8)) == codecs.BOM_UTF8:
             raise MeshError(f"{path}: begins with a byte-order mark, which no mesh has; save it as UTF-8 without one")
-    if path.suffix.lower() == ".inp":
-        _check_no_instances(path)
-        _abaqus.abaqus_to_meshio_type.update(_PLANE_STRAIN)
     try:
+        if path.suffix.lower() == ".inp":
+            return read_abaqus(path)
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            mesh = meshio.read(path)
+            return meshio.read(path)
+    except MeshError:
+        raise
     except UnicodeDecodeError as error:
         raise MeshError(f"{path}: is no UTF-8 text (byte {error.start}); save it in UTF-8") from None
     except ModuleNotFoundError as missing:
@@ -110,23 +106,6 @@ def _read(path: Path, modified: int) -> Any:
             f"{path}: the mesh cannot be read ({why or type(problem).__name__}); export it again as Gmsh .msh,"
             " Abaqus .inp or VTU"
         ) from problem
-    # Abaqus writes names with blanks in quotation marks
-    mesh.cell_sets, mesh.point_sets = (
-        {name.strip('"'): members for name, members in sets.items()} for sets in (mesh.cell_sets, mesh.point_sets)
-    )
-    return mesh
-
-
-def _check_no_instances(path: Path) -> None:
-    """meshio reads the nodes of parts as they are, wherever the assembly has put them."""
-    lines = path.read_text(encoding="utf-8", errors="replace").lower().splitlines()
-    starts = [number for number, line in enumerate(lines) if line.lstrip().startswith("*instance")]
-    moved = [n for n in starts if n + 1 < len(lines) and not lines[n + 1].lstrip().startswith("*")]
-    if len(starts) > 1 or moved:
-        raise MeshError(
-            f"{path}: holds instances of parts, whose places cannot be read; write the input file without parts and"
-            " assemblies"
-        )
 
 
 @lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ from cases import Case, case_from_tables
 from cases.errors import CaseError
 from cases.mesh_arrays import signed_areas
 from cases.mesh_files import mesh_outline, mesh_slits, read_mesh_file, second_order_sentence
-from cases.mesh_groups import names_of_groups
+from cases.mesh_groups import boundary_of_group, names_of_groups
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]], dtype=float)
@@ -76,6 +76,13 @@ TET = ("tetra", np.array([[0, 1, 3, 6]]))
 ABOVE = np.vstack([POINTS, [[0.0, 0.0, 1.0]]])
 APART = np.vstack([POINTS, POINTS[[1, 4]]])
 
+#: two blocks of elements and of nodes in small letters, lines before them, and sets of sets
+ABAQUS_BLOCKS = (
+    "*Heading\n** by hand\n*Node, nset=Low\n1, 0., 0.\n2, 1.D0, , 0.,\n3, 2., 0.\n*Element, type=T3D2\n9, 1, 2\n"
+    "*Node\n4, 0., 1.\n5, 1., 1.\n6, 2., 1.\n99, 7., 7.\n*Element, type=cpe4h,\nelset=steel\n1, 1, 2,\n5, 4\n"
+    "*Nset, nset=Ends, generate\n4, 6, 2\n*Nset, nset=Top\nEnds, 5\n*Element, type=CPS4RT, elset=glue\n2, 2, 3, 6, 5\n"
+    "*Elset, elset=all\nSteel, glue\n"
+)
 #: file -> how it is written, and its area, boundary and groups
 GOOD: dict[str, tuple[Writer, float, float, list[str]]] = {
     "gmsh 2.2.msh": (text(GMSH_2), 2.0, 6.0, GROUPS),
@@ -86,6 +93,7 @@ GOOD: dict[str, tuple[Writer, float, float, list[str]]] = {
     "abaqus clockwise.inp": (text(clockwise(ABAQUS)), 2.0, 6.0, ["Top", "all", "glue", "steel"]),
     "GMSH.MSH": (text(GMSH_2), 2.0, 6.0, GROUPS),
     "quoted.INP": (text(ABAQUS.replace("=glue", '="glue 1"')), 2.0, 6.0, ["Top", "all", "glue 1", "steel"]),
+    "abaqus in blocks.inp": (text(ABAQUS_BLOCKS), 2.0, 6.0, ["Ends", "Low", "Top", "all", "glue", "steel"]),
     "quads.vtu": (mesh([("quad", QUADS)]), 2.0, 6.0, []),
     "triangles with z = 0.vtu": (mesh([("triangle", TRIANGLES)]), 2.0, 6.0, []),
     "unused nodes and lines.vtu": (
@@ -126,6 +134,13 @@ BROKEN: dict[str, tuple[Writer, str]] = {
     "doubled nodes all along.vtu": (mesh([("quad", np.array([[0, 1, 4, 3], [6, 2, 5, 7]]))], APART), "into 2 parts"),
     "marked.inp": (text(b"\xef\xbb\xbf" + ABAQUS.encode()), "begins with a byte-order mark"),
     "instances.inp": (text("*Instance, name=a\n1.0, 0.0\n*End Instance\n" + ABAQUS), "instances of parts"),
+    "two parts.inp": (text("*Part, name=a\n*End Part\n*Part, name=b\n" + ABAQUS), "instances of parts"),
+    "made by a rule.inp": (text(ABAQUS + "*NGEN, NSET=a\n1, 3\n"), "has *NGEN, which is not read"),
+    "in two files.inp": (text("*INCLUDE, INPUT=a.inp\n" + ABAQUS), "has *INCLUDE, which is not read"),
+    "cylindrical.inp": (text(ABAQUS.replace("*NODE", "*NODE, SYSTEM=C")), "coordinates that are not rectangular"),
+    "axisymmetric.inp": (text(ABAQUS.replace("CPE4", "CAX4P")), "elements of type CAX4P are not supported"),
+    "a node is missing.inp": (text(ABAQUS.replace("\n6, 2", "\n7, 2")), "has no node 6, which an element of it names"),
+    "a set of nothing.inp": (text(ABAQUS.replace("4, 5, 6", "4, Ends")), "names node Ends, which is not there"),
     "no element.inp": (text(ABAQUS.partition("*ELEMENT")[0]), "no triangles or quadrilaterals"),
 }
 
@@ -140,6 +155,13 @@ def test_a_good_file_is_read_right(name: str, tmp_path: Path) -> None:
     assert mesh_outline(tmp_path / name).length == pytest.approx(boundary)
     assert names_of_groups(tmp_path / name) == groups
     assert len(mesh_slits(tmp_path / name)) == (1 if name.startswith("slit") else 0)
+
+
+def test_sets_of_several_blocks_hold_the_elements_of_their_names(tmp_path: Path) -> None:
+    (tmp_path / "blocks.inp").write_text(ABAQUS_BLOCKS)
+    for group, left, right in (("steel", 0.0, 1.0), ("glue", 1.0, 2.0), ("all", 0.0, 2.0)):
+        assert mesh_outline(tmp_path / "blocks.inp", group).bounds == (left, 0.0, right, 1.0)
+    assert boundary_of_group(tmp_path / "blocks.inp", "Top").bounds == (0.0, 1.0, 2.0, 1.0)
 
 
 @pytest.mark.parametrize("name", BROKEN)
