@@ -27,34 +27,47 @@ if TYPE_CHECKING:
 CORNERS = {
     "vertex": 1, "line": 2, "line3": 2, "triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4,
 }  # fmt: skip
-_GMSH = "gmsh:physical"
+_GMSH, _ENTITY = "gmsh:physical", "gmsh:geometrical"
 
 
 def cells_of_groups(mesh: meshio.Mesh) -> dict[str, list[NDArray]]:
     """Name of each group of cells -> the numbers of its cells in each block of the mesh."""
     found: dict[str, list[NDArray]] = {}
-    if _GMSH in mesh.cell_data:
-        for name, (tag, dimension) in mesh.field_data.items():
-            tags = zip(mesh.cells, mesh.cell_data[_GMSH], strict=True)
-            found[name] = [np.flatnonzero((data == tag) & (block.dim == dimension)) for block, data in tags]
     for name, blocks in mesh.cell_sets.items():
         if not name.startswith("gmsh:"):
             empty = np.empty(0, dtype=np.int64)
-            found.setdefault(name, [empty if cells is None else np.asarray(cells, dtype=np.int64) for cells in blocks])
+            found[name] = [empty if cells is None else np.asarray(cells, dtype=np.int64) for cells in blocks]
+    if _GMSH in mesh.cell_data:  # one group of each cell; the sets of Gmsh 4.1 know all of them
+        for name, (tag, dimension) in mesh.field_data.items():
+            tags = zip(mesh.cells, mesh.cell_data[_GMSH], strict=True)
+            of_tag = [np.flatnonzero((data == tag) & (block.dim == dimension)) for block, data in tags]
+            found.setdefault(name, of_tag)
     return found
 
 
 def only_group(path: Path, mesh: meshio.Mesh, group: str | None) -> meshio.Mesh:
-    """The mesh with the cells of a group alone; itself without one. Raises CaseError for an unknown name."""
-    if group is None:
-        return mesh
+    """The mesh with the cells of a group alone; without one all of them. Raises CaseError for an unknown name."""
     import meshio
+
+    if group is None:
+        return meshio.Mesh(mesh.points, _each_once(mesh)) if {_GMSH, _ENTITY} <= mesh.cell_data.keys() else mesh
 
     groups = cells_of_groups(mesh)
     if group not in groups:
         raise CaseError(f"{path}: has no group {group!r} of cells; it has {_listed(groups)}.")
     chosen = zip(mesh.cells, groups[group], strict=True)
     return meshio.Mesh(mesh.points, [(block.type, block.data[cells]) for block, cells in chosen if len(cells)])
+
+
+def _each_once(mesh: meshio.Mesh) -> list[tuple[str, NDArray]]:
+    """The cells, of which Gmsh 2.2 writes one of several groups once for each of them."""
+    kept: list[tuple[str, NDArray]] = []
+    first: dict[tuple[int, ...], int] = {}
+    for block, groups, entities in zip(mesh.cells, mesh.cell_data[_GMSH], mesh.cell_data[_ENTITY], strict=True):
+        rows = map(tuple, np.column_stack([entities, block.data]).tolist())
+        first_of = [first.setdefault(row, group) for row, group in zip(rows, groups.tolist(), strict=True)]
+        kept.append((block.type, block.data[np.array(first_of) == groups]))
+    return [(kind, cells) for kind, cells in kept if len(cells)]
 
 
 def boundary_of_group(path: Path, group: str) -> BaseGeometry:
@@ -84,6 +97,7 @@ def read_mesh(path: Path) -> Any:
 def _read(path: Path, modified: int) -> Any:
     """meshio prints its complaints and leaves the program; both become one sentence here."""
     import meshio
+    from meshio.gmsh import _gmsh41
 
     with path.open("rb") as file:
         if file.read(len(codecs.BOM_UTF8)) == codecs.BOM_UTF8:
@@ -91,6 +105,9 @@ def _read(path: Path, modified: int) -> Any:
     try:
         if path.suffix.lower() == ".inp":
             return read_abaqus(path)
+        if path.suffix.lower() == ".bdf":
+            _check_no_coordinate_systems(path)
+        _gmsh41.Mesh = _with_whole_data
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return meshio.read(path)
     except MeshError:
@@ -108,6 +125,24 @@ def _read(path: Path, modified: int) -> Any:
         ) from problem
 
 
+def _check_no_coordinate_systems(path: Path) -> None:
+    """meshio takes the numbers of a node for x, y and z, whatever coordinate system of Nastran they are in."""
+    for line in path.read_text(encoding="utf-8").upper().splitlines():
+        width = 16 if line.startswith("GRID*") else 8
+        system = line.split(",")[2:3] if "," in line else [line[8 + width : 8 + 2 * width]]
+        if line.startswith("GRID") and "".join(system).strip() not in ("", "0"):
+            shown = " ".join(line.split())[:40]
+            raise MeshError(f"{path}: has nodes in coordinates of their own ({shown}); export it in basic ones")
+
+
+def _with_whole_data(points: NDArray, cells: list[Any], cell_data: dict[str, Any], **rest: Any) -> meshio.Mesh:
+    """A mesh of Gmsh 4.1, of which meshio tells no tags of cells that are in no group and then refuses it."""
+    import meshio
+
+    whole = {name: data for name, data in cell_data.items() if len(data) == len(cells)}
+    return meshio.Mesh(points, cells, cell_data=whole, **rest)
+
+
 @lru_cache(maxsize=64)
 def _boundary(path: Path, group: str, modified: int) -> BaseGeometry:
     mesh = read_mesh(path)
@@ -116,10 +151,14 @@ def _boundary(path: Path, group: str, modified: int) -> BaseGeometry:
         chosen = zip(mesh.cells, groups[group], strict=True)
         plane = [(block.data[some], CORNERS[block.type]) for block, some in chosen if block.type in CORNERS]
         cells = [cell for data, corners in plane for cell in data[:, :corners]]
+        if not cells:
+            raise BrokenRuleError("holds nothing", "name another group, or save its elements", "group", group)
         return shapely.union_all([_shape_of(points[cell]) for cell in cells])
     if group not in mesh.point_sets:
         raise BrokenRuleError("is no group of the mesh", f"name one of {_listed(names_of_groups(path))}", "group", group)
     nodes = np.asarray(mesh.point_sets[group], dtype=np.int64)
+    if not len(nodes):
+        raise BrokenRuleError("holds nothing", "name another group, or give it nodes", "group", group)
     edges = _outline_edges(mesh)
     edges = edges[np.isin(edges, nodes).all(axis=1)]
     if len(edges):

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from cases import Case, CaseError, case_from_tables
+from cases.errors import BrokenRuleError
 from cases.mesh_files import read_mesh_file
+from cases.mesh_groups import boundary_of_group
 from numerics.description import describe
 from verify.runs.running import DISCRETISATIONS, solver_records
 
@@ -100,3 +102,28 @@ def test_the_content_of_the_mesh_is_part_of_what_is_computed(tmp_path: Path) -> 
     before = glued(tmp_path, "gmsh2.msh").hash()
     (tmp_path / "elsewhere").mkdir()
     assert glued(tmp_path / "elsewhere", "gmsh2.msh").hash() == before
+
+
+#: the edge on top in two groups, and beside it an edge and a plate in none, as with Mesh.SaveAll
+GMSH_4_SHARED = GMSH_4.replace("$PhysicalNames\n3\n", '$PhysicalNames\n4\n1 4 "Outer"\n').replace(
+    "1 0 1 0 2 1 0 1 1 0\n", "1 0 1 0 2 1 0 2 4 1 0\n").replace("2 1 0 0 2 1 0 1 3 0", "2 1 0 0 2 1 0 0 0")
+#: and the left plate in two groups, which writes it twice
+GMSH_2_SHARED = (
+    GMSH_2.replace("$PhysicalNames\n3\n", '$PhysicalNames\n4\n2 4 "half"\n').replace("$Elements\n4\n", "$Elements\n5\n")
+).replace("3 3 2 2 1 1 2 5 4\n", "3 3 2 4 1 1 2 5 4\n5 3 2 2 1 1 2 5 4\n")
+
+
+def test_what_is_in_several_groups_of_gmsh_is_in_each_of_them(tmp_path: Path) -> None:
+    (tmp_path / "a.msh").write_text(GMSH_4_SHARED)
+    assert [boundary_of_group(tmp_path / "a.msh", name).length for name in ("Top", "Outer")] == [2.0, 2.0]
+    assert len(read_mesh_file(tmp_path / "a.msh").cells) == 2
+    with pytest.raises(BrokenRuleError, match="holds nothing"):
+        boundary_of_group(tmp_path / "a.msh", "glue")
+    (tmp_path / "b.msh").write_text(GMSH_2_SHARED)
+    assert [len(read_mesh_file(tmp_path / "b.msh", 0, group).cells) for group in (None, "steel", "half")] == [2, 1, 1]
+
+
+def test_one_cell_in_two_surfaces_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "b.msh").write_text(GMSH_2_SHARED.replace("5 3 2 2 1", "5 3 2 2 2"))
+    with pytest.raises(CaseError, match="on the same side of an edge"):
+        read_mesh_file(tmp_path / "b.msh")

@@ -83,6 +83,10 @@ ABAQUS_BLOCKS = (
     "*Nset, nset=Ends, generate\n4, 6, 2\n*Nset, nset=Top\nEnds, 5\n*Element, type=CPS4RT, elset=glue\n2, 2, 3, 6, 5\n"
     "*Elset, elset=all\nSteel, glue\n"
 )
+NASTRAN = (
+    "BEGIN BULK\n" + "".join(f"GRID,{n},{{}},{x:.1f},{y:.1f},{z:.1f}\n" for n, (x, y, z) in enumerate(POINTS, 1))
+    + "CQUAD4,1,1,1,2,5,4\nCQUAD4,2,1,2,3,6,5\nENDDATA\n"
+)  # fmt: skip
 #: file -> how it is written, and its area, boundary and groups
 GOOD: dict[str, tuple[Writer, float, float, list[str]]] = {
     "gmsh 2.2.msh": (text(GMSH_2), 2.0, 6.0, GROUPS),
@@ -94,6 +98,7 @@ GOOD: dict[str, tuple[Writer, float, float, list[str]]] = {
     "GMSH.MSH": (text(GMSH_2), 2.0, 6.0, GROUPS),
     "quoted.INP": (text(ABAQUS.replace("=glue", '="glue 1"')), 2.0, 6.0, ["Top", "all", "glue 1", "steel"]),
     "abaqus in blocks.inp": (text(ABAQUS_BLOCKS), 2.0, 6.0, ["Ends", "Low", "Top", "all", "glue", "steel"]),
+    "nastran.bdf": (text(NASTRAN.replace("{}", "")), 2.0, 6.0, []),
     "quads.vtu": (mesh([("quad", QUADS)]), 2.0, 6.0, []),
     "triangles with z = 0.vtu": (mesh([("triangle", TRIANGLES)]), 2.0, 6.0, []),
     "unused nodes and lines.vtu": (
@@ -141,6 +146,8 @@ BROKEN: dict[str, tuple[Writer, str]] = {
     "axisymmetric.inp": (text(ABAQUS.replace("CPE4", "CAX4P")), "elements of type CAX4P are not supported"),
     "a node is missing.inp": (text(ABAQUS.replace("\n6, 2", "\n7, 2")), "has no node 6, which an element of it names"),
     "a set of nothing.inp": (text(ABAQUS.replace("4, 5, 6", "4, Ends")), "names node Ends, which is not there"),
+    "another system.bdf": (text(NASTRAN.replace("{}", "5")), "nodes in coordinates of their own (GRID,1,5,"),
+    "another system in columns.bdf": (text("GRID           1       5     0.0\n"), "(GRID 1 5 0.0)"),
     "no element.inp": (text(ABAQUS.partition("*ELEMENT")[0]), "no triangles or quadrilaterals"),
 }
 
