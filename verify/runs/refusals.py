@@ -14,7 +14,7 @@ from verify.runs.running import DISCRETISATIONS
 
 #: cells of a grid up to which a solver is set up to hear whether it takes a case
 MOST_TRIED = 30_000
-#: processor seconds after which no further run is tried
+#: processor seconds after which no further run is tried of a solver that has been
 MOST_SECONDS = 8.0
 
 
@@ -32,20 +32,22 @@ class Refusals:
     def note(self) -> str:
         """What is said of runs that were not tried; empty where all were."""
         untried = [f"{self.too_large} runs with large grids"] if self.too_large else []
-        untried += ["some of its many runs"] if self.out_of_time else []
+        untried += ["some of its runs"] if self.out_of_time else []
         return f" as it reads; {' and '.join(untried)} were not set up for a try" if untried else ""
 
 
 def refusals(cases: Iterable[Case]) -> Refusals:
     """Set up the solver of each run, the cases with its changes merged in; equal computations once."""
-    found, seen, until = Refusals(), set(), time.process_time() + MOST_SECONDS
+    found, seen, tried, until = Refusals(), set(), set(), time.process_time() + MOST_SECONDS
     for case in cases:
-        if time.process_time() > until:
-            found.out_of_time = True
-            break
         if case.hash() in seen:
             continue
         seen.add(case.hash())
+        solver = case.run_spec(case.run or "").solver
+        if time.process_time() > until and solver in tried:
+            found.out_of_time = True
+            continue
+        tried.add(solver)
         if count_cells(case) > MOST_TRIED:
             found.too_large += 1
             continue
