@@ -272,6 +272,17 @@ def test_validate_reads_all_tiers_and_runs(tmp_path: Path, capsys: pytest.Captur
     assert verify("validate", case) == 3
 
 
+def test_validate_tries_each_solver_once_however_long_that_takes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case, tried = fake_solver.write_case(tmp_path / "square"), []
+    monkeypatch.setattr("verify.runs.refusals.MOST_SECONDS", 0.0)
+    monkeypatch.setattr("verify.runs.refusals._refusal", lambda case: tried.append(case.run) or "")
+    case.write_text(case.read_text() + '[runs.fine]\nsolver = "fem"\nchange.mesh.h = 0.1\n')
+    assert verify("validate", case) == 0
+    assert tried == ["fem", "mpm"] and "some of its runs were not set up" in capsys.readouterr().out
+
+
 def test_validate_reads_the_tiers_of_a_case_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case = fake_solver.write_case(tmp_path / "square")
     text = case.read_text()

@@ -14,6 +14,7 @@ from mpm.explicit.step_bound import LARGEST_GRADIENT, largest_eigenvalue, proven
 from mpm.explicit.stresses import turned_strain
 from numerics.explicit import instants
 from numerics.threads import use_threads
+from numerics.time_steps import courant_step
 from verify import run
 
 STEEL = {"young": 1.0, "poisson": 0.3, "density": 1.0}
@@ -107,6 +108,11 @@ def test_gradients_that_are_never_updated_are_refused():
 def test_hat_functions_have_no_bound():
     with pytest.raises(CaseError, match="courant"):
         proven_step(case_of({"a": square(0.0)}, mpm={"order": 1}))
+    with pytest.raises(CaseError, match=r'give mpm\.order = 2 or 3, time_step_rule = "courant", or a time_step'):
+        ExplicitMaterialPoints(case_of({"a": square(0.0)}, mpm={"order": 1}))
+    for dynamics in ({"time_step": 1e-3}, {"time_step_rule": "courant"}):
+        case = case_of({"a": square(0.0)}, mpm={"order": 1}, dynamics=dynamics)
+        assert ExplicitMaterialPoints(case).stable_step() == pytest.approx(courant_step(case))
 
 
 @pytest.mark.parametrize(("corotational", "expected"), [(True, (0.0, 1e-3, 0.0)), (False, (1e-3, 0.0, 0.0))])

@@ -157,6 +157,18 @@ def test_constraints_may_meet_where_they_ask_the_same(solver):
     assert force(plate(solver, constraints=[bottom, *held, top]), solver) > 0.0
 
 
+@pytest.mark.parametrize("way", [0.012, -0.012])
+def test_nodes_that_leave_their_points_are_refused(way):
+    held = {"constraints_on": "nodes", "order": 1}
+    for load, mpm in (((0.0, 0.012), held), ((0.0, way), {**held, "move_points": False})):
+        force(plate("mpm", load={"path": load, "increment": 0.012}, mpm=mpm), "mpm")
+    far = {"path": (0.0, 2 * way), "increment": 0.012}
+    with pytest.raises(CaseError, match=r'an edge by 0\.024, more than 0\.25 mesh\.h.* give "edges", or move_points'):
+        DISCRETISATIONS["mpm"](plate("mpm", load=far, mpm=held))
+    constraints = [*PLATE["constraints"][:2], {"on": "top", "direction": "x", "scale": 1}]
+    DISCRETISATIONS["mpm"](plate("mpm", load=far, mpm=held, constraints=constraints))
+
+
 def test_a_load_that_moves_nothing_is_refused():
     with pytest.raises(CaseError, match=r"moves nothing.*scale = 1"):
         plate("fem", constraints=PLATE["constraints"][:2])

@@ -48,6 +48,7 @@ class ExplicitMaterialPoints:
         assert case.dynamics is not None
         self.case, self.costs = case, Costs()
         _refuse_what_needs_a_grid_that_stays(case)
+        stable_step(case)  # a rule that gives none is told before anything is made
         self._frame, self._now = MovingFrame(case), case.dynamics.start_time
         self.cloud = cloud or place_in_bodies(case)
         self.bodies = [make_body(case, number, self.cloud) for number in range(len(case.bodies))]

@@ -54,6 +54,11 @@ def proven_step(case: Case) -> float:
 
 
 def stable_step(case: Case) -> float:
-    """The case's rule for material points on a uniform grid, before its share [time]."""
-    assert case.dynamics is not None
-    return proven_step(case) if case.dynamics.time_step_rule == "proven" else courant_step(case)
+    """The case's rule for material points on a uniform grid, before its share [time].
+
+    For hat functions whose step is given it is the Courant step. Raises CaseError as `proven_step`.
+    """
+    dynamics = case.dynamics
+    assert dynamics is not None
+    is_proven = dynamics.time_step_rule == "proven" and (dynamics.time_step is None or case.mpm.order in LARGEST_GRADIENT)
+    return proven_step(case) if is_proven else courant_step(case)
