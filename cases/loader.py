@@ -118,6 +118,8 @@ def case_from_tables(
     CaseError : something in the tables is wrong
     """
     file = (source or Path.cwd() / CASE_FILE).resolve()
+    if change is not None and not isinstance(change, dict):
+        raise sentence(file, "change", change, "is not a table", 'give tables as {"mesh": {"h": 0.1}}')
     builder = _Builder(tables, name, file)
     tier = tier or DEFAULT_TIER
     if tier not in TIERS:
@@ -129,7 +131,7 @@ def case_from_tables(
         builder.check_variants(case)
         return case
     if run not in case.expanded_runs():
-        remedy = nearest(run, case.expanded_runs(), "choose a run of the case")
+        remedy = nearest(str(run), case.expanded_runs(), "choose a run of the case")
         raise sentence(file, "run", run, "is not a run of this case", remedy)
     return builder.case(tier, run, case, change)
 
@@ -214,6 +216,9 @@ class _Builder:
 
 
 def _find(name_or_path: str | Path) -> Path:
+    if not isinstance(name_or_path, str | Path):
+        remedy = "give the name of a case of the library, a folder or a .toml file"
+        raise sentence("load_case", "name_or_path", name_or_path, "is neither a text nor a path", remedy)
     path = Path(name_or_path)
     here, of_library = path / CASE_FILE, LIBRARY / path / CASE_FILE
     if len(path.parts) == 1 and _is_file(of_library):

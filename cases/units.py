@@ -164,6 +164,8 @@ class Units(Table):
         except Exception:  # pint raises many kinds of error for a malformed unit, some of them Python's own
             raise BrokenRuleError("has an unknown unit", remedy, value=text) from None
         _require_turns(quantity, kind, text, remedy)
+        if kind == "stress" and re.search(r"\bmPa\b", match[2] or ""):
+            raise BrokenRuleError("is in millipascals", 'write "MPa" for megapascals', value=text)
         return number
 
 

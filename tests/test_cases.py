@@ -210,6 +210,7 @@ def test_spellings_of_one_angle(text: str) -> None:
         ("30", "angle", "is not an angle"),
         ("30 %", "angle", "is not an angle"),
         ("30 mm", "angle", "is not a quantity of angle"),
+        ("210000 mPa", "stress", 'is in millipascals.* "MPa"'),
         ("2 Hz", "rate", 'counts cycles.* "12.5664 rad/s"'),
         ("2 kHz", "rate", 'counts cycles.* "12566.4 rad/s"'),
     ],

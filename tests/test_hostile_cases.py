@@ -90,6 +90,17 @@ def test_a_path_that_no_system_has_is_no_such_case() -> None:
             load_case(name)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [((3,), "name_or_path' = 3 is neither"), ((None,), "is neither"), ((["bar_profile"],), "is neither"),
+     (("bar_profile", "quick", 1), "'run' = 1 is not a run"),
+     (("bar_profile", "quick", "fem", [1]), r"change' = \[1\] is not a table")],
+)  # fmt: skip
+def test_what_python_gives_in_place_of_texts_is_one_sentence(arguments: tuple[Any, ...], said: str) -> None:
+    with pytest.raises(CaseError, match=said):
+        load_case(*arguments)
+
+
 def test_the_mark_that_some_editors_write_first_is_read_over(tmp_path: Path) -> None:
     path = tmp_path / "plate.toml"
     path.write_bytes(b"\xef\xbb\xbf" + written({}))

@@ -26,6 +26,7 @@ from cases.loader import read_tables
 from reports.words import runs_sentence
 from verify import cli
 from verify.judging.judge import find_run
+from verify.metrics.metric import NotGivenError
 from verify.runs import jobs, running
 from verify.runs.atomic import WriteError, superseded, write_text
 from verify.runs.provenance import ROOT, SOLVING_MODULES
@@ -85,6 +86,11 @@ def test_fields_are_written_where_asked_and_at_the_end(case_file: Path, tmp_path
     snapshots = list(done.snapshots())
     assert [round(snapshot.u, 6) for snapshot in snapshots] == [0.004, 0.006, 0.01]
     assert done.grid(0.0061)["phase_field"] == pytest.approx(0.4)
+    for far in (0.0081, 1.0, -5.0, np.nan):
+        for read in (done.grid, done.points, done.fields):
+            with pytest.raises(NotGivenError, match=r"no fields at .* one of 0\.004, 0\.006, 0\.01, or add it to output"):
+                read(far)
+    assert done.nearest(1.0) == pytest.approx(0.01)
     for name in ("points.pvd", "grid.pvd"):
         text = (done.folder / name).read_text()
         assert text.count("<DataSet") == 3
@@ -454,7 +460,7 @@ def test_a_second_writer_is_refused_while_the_first_lives(tmp_path: Path, monkey
 
 def test_points_that_leave_the_grid_end_the_run_in_a_sentence(variant, tmp_path: Path) -> None:
     unbroken = {"steel": {"fracture": {"toughness": 1e6}}}
-    load, mpm = {"path": [0.0, 0.3], "increment": 0.1}, {"margin": 0, "move_points": True}
+    load, mpm = {"path": [0.0, 0.3], "increment": 0.1}, {"margin": 0, "move_points": True, "constraints_on": "edges"}
     case = variant("homogeneous_bar", mpm=mpm, load=load, materials=unbroken)
     done = run(case, "mpm", "standard", tmp_path)
     assert done.info["status"] == "no_convergence" and not (done.folder / "traceback.txt").exists()

@@ -252,8 +252,18 @@ class RunFolder:
             raise NotGivenError(f"run {self.info['run']}: has no fields, a history and a crack path are all there is")
         if self.index.empty:
             raise self._damaged("fields/index.csv", "lists no snapshot")
-        row = len(self.index) - 1 if u is None else int((self.index["u"] - u).abs().argmin())
+        row = len(self.index) - 1 if u is None else int(np.abs(self.index["u"].to_numpy() - u).argmin())
         return self.index.iloc[row]
+
+    def _stored(self, u: float | None) -> pd.Series:
+        """The row of the snapshot of ``u``, within the longest increment or time between two records."""
+        found, near = self._nearest(u), np.abs(np.diff(self.history["u"])).max(initial=0.0)
+        if u is not None and not abs(found["u"] - u) <= max(near, 1e-9 * abs(u)):
+            kept = ", ".join(f"{stored:.6g}" for stored in self.index["u"])
+            key = "snapshots" if (self.history["u"] != self.history["time"]).any() else "times"
+            text = f"has no fields at {u:.6g}; give one of {kept}, or add it to output.{key} and run the case again"
+            raise NotGivenError(f"run {self.info['run']}: {text}")
+        return found
 
     def snapshots(self) -> Iterator[Snapshot]:
         """All snapshots in the order of the run, the last state last."""
@@ -265,15 +275,18 @@ class RunFolder:
         return float(self._nearest(u)["u"])
 
     def points(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
-        """Integration points of the snapshot nearest to displacement ``u``; the last state without it."""
-        return self._points(self._nearest(u)["points_file"])
+        """Integration points of the snapshot at load or time ``u``, to an increment; the last state without it.
+
+        Raises NotGivenError where no snapshot is near.
+        """
+        return self._points(self._stored(u)["points_file"])
 
     def grid(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
-        """Grid or mesh of the snapshot nearest to displacement ``u``; the last state without it."""
-        return self._mesh(self._nearest(u)["grid_file"])
+        """Grid or mesh of the snapshot at load or time ``u``; as `points`."""
+        return self._mesh(self._stored(u)["grid_file"])
 
     def fields(self, u: float | None = None) -> "Fields":
-        """All fields as arrays from the snapshot nearest to displacement ``u``; the last state without."""
+        """All fields as arrays from the snapshot at load or time ``u``; as `points`."""
         from verify.runs.vtk_files import fields_of
 
         return fields_of(self.points(u), self.grid(u))
