@@ -46,6 +46,13 @@ def peak_row(history: pd.DataFrame) -> pd.Series:
         return history.iloc[int(np.argmax(np.nan_to_num(np.abs(history["F"].to_numpy(float)))))]
 
 
+_OVER_LOAD = {
+    "reaction force": "Reaction force over displacement",
+    "work per load factor": "Work of the loads over their factor",
+    "force that does work on u,": "Force that does work on u, each reaction times the scale of its constraint, over u,",
+}
+
+
 def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | None:
     """Draw F over u of all runs over the published points, peaks marked."""
     runs = results.shown_runs()
@@ -53,10 +60,8 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
         return None
     force, displacement = results.unit("force"), results.unit("displacement")
     many = len(runs) > MANY_RUNS
-    figure, axes = style.curve_axes(
-        7.2, 4.2 + 0.09 * len(runs) * many, results.load_label,
-        f"{'work per load factor' if results.by_factor else 'reaction force'} F [{force}]",
-    )  # fmt: skip
+    height = 4.2 + 0.09 * len(runs) * many
+    figure, axes = style.curve_axes(7.2, height, results.load_label, f"{results.force_name} F [{force}]")
     published = list(published_curves(results))
     _draw_published(axes, published)
     colours = style.colours_of([run.name for run in runs])
@@ -71,8 +76,7 @@ def load_displacement(results: CaseResults, folder: Path) -> style.Drawing | Non
     tables += [points.assign(run=f"published: {name}") for name, points in published]
     drawn = style.drawing(
         figure, folder, "load-displacement", "Load and displacement",
-        f"{'Work of the loads over their factor' if results.by_factor else 'Reaction force over displacement'}"
-        f" of {listed(run.label for run in runs)}; "
+        f"{_OVER_LOAD[results.force_name]} of {listed(run.label for run in runs)}; "
         "a ring marks the peak of each run. " + _published_caption(results, published),
         pd.concat(tables)[["run", "u", "F"]],
     )

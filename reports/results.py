@@ -223,6 +223,15 @@ class CaseResults:
         return self.case is not None and self.case.load_kinds[0] == "number"
 
     @property
+    def force_name(self) -> str:
+        """What F is: the reaction force where all that the load moves goes by u one way, else what does work on u."""
+        if self.by_factor:
+            return "work per load factor"
+        ways = {(c.direction, c.scale) for c in self.case.constraints if c.follows_load} if self.case else set()
+        is_reaction = not ways or (len(ways) == 1 and abs(next(iter(ways))[1] or 1.0) == 1.0)
+        return "reaction force" if is_reaction else "force that does work on u,"
+
+    @property
     def load_label(self) -> str:
         """Return the axis label of the load parameter."""
         return f"{'load factor' if self.by_factor else 'displacement'} u [{self.unit('displacement')}]"

@@ -19,8 +19,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_run import TITLE, write_verification
+from test_strangers import PLATE
 
-from cases import load_case
+from cases import case_from_tables, load_case
 from cases.solvers import SOLVERS, Solver
 from reports import curves, motion, orientations, scene, style, surface, sweeps, write_report
 from reports.fields import point_image
@@ -523,3 +524,15 @@ def test_pages_fit_their_window_and_the_verdict_stands_on_the_first_screen(copie
 )
 def test_a_section_is_of_the_thesis_where_it_is_a_number(section: str, words: str) -> None:
     assert section_words(section) == words
+
+
+@pytest.mark.parametrize(
+    ("scales", "name"),
+    [((1.0,), "reaction force"), ((-1.0, -1.0), "reaction force"), ((0.5,), "force that does work on u,"),
+     ((-1.0, 1.0), "force that does work on u,")],
+)  # fmt: skip
+def test_the_force_is_called_a_reaction_where_it_is_one(scales: tuple[float, ...], name: str, tmp_path: Path) -> None:
+    moved = [{"on": on, "direction": "y", "scale": scale} for on, scale in zip(("top", "bottom"), scales, strict=False)]
+    results = CaseResults({"case": "plate"}, tmp_path)
+    results.__dict__["case"] = case_from_tables({**PLATE, "constraints": [PLATE["constraints"][1], *moved]}, "quick")
+    assert results.force_name == name
