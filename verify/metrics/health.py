@@ -53,7 +53,7 @@ INDICATORS = {
     "closed_notch": Indicator(
         "share of the elastic energy that a notch drawn by its history or phase field loses although it is closed",
         0.05, "no_tension loses none of it, spectral a third, others more; an open notch is not asked",
-        'draw the notch as a slit, or set fracture.split = "no_tension"',
+        'draw the notch as a slit in a quasi-static case, or set fracture.split = "no_tension"',
     ),
     "sheared_notch": Indicator(
         "share of the elastic energy that a torn notch drawn by its history or phase field carries in shear while open",
@@ -207,7 +207,7 @@ def _of_fields(case: Case, fields: Fields, history: pd.DataFrame) -> dict[str, f
     slits = [notch for notch in case.all_notches if notch.kind == "slit"]
     if slits and loaded and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
-    found |= _torn_notches(case, fields) if loaded else {}
+    found |= _torn_notches(case, fields) if loaded and _rests(case, history) else {}
     for indicators in (_locking, _resolution, _coarse_crack, _held_crack, _left_behind, _turned):
         found |= indicators(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
@@ -242,6 +242,15 @@ def _least_opening(slit: Segment, fields: Fields, h: float) -> float:
     return min((upper[key] - lower[key] for key in upper.keys() & lower.keys()), default=0.0)
 
 
+#: kinetic energy over the elastic one below which bodies are at rest: no wave closes a notch on its way
+_AT_REST = 1e-4
+
+
+def _rests(case: Case, history: pd.DataFrame) -> bool:
+    """The last state is one of equilibrium."""
+    return not case.dynamics or (len(history) > 0 and history["E_kin"].iloc[-1] < _AT_REST * history["E_el"].iloc[-1])
+
+
 def _torn_from_the_start(case: Case) -> list[Segment]:
     """Notches drawn by the history field, and the pieces of lines on which the phase field is held broken."""
     broken = [c.on for c in case.constraints if c.direction == "phase" and c.value is not None and c.value < _WHOLE]
@@ -252,10 +261,10 @@ def _torn_from_the_start(case: Case) -> list[Segment]:
 
 
 def _torn_notches(case: Case, fields: Fields) -> dict[str, float]:
-    """Of quasi-static cases: what notches of torn material lose where they are closed, but in sliding, and carry in
+    """Of bodies at rest: what notches of torn material lose where they are closed, but in sliding, and carry in
     sliding where they are not, of the energy of whole material at their strain."""
     notches = _torn_from_the_start(case)
-    if case.dynamics or case.eigenstrains or not notches:
+    if case.eigenstrains or not notches:
         return {}
     from physics.elasticity import MaterialTable  # judging does without compiled laws
 
