@@ -34,6 +34,8 @@ _OTHERS = (
     (re.compile(r"S8R5?"), "quad8"),
     (re.compile(r"S9R5"), "quad9"),
 )
+#: what meshio writes for plane quadrilaterals and lines of three nodes, and what they are
+_OF_MESHIO = {"CAX4P": "CPS4", "B33H": "B32H"}
 #: nodes of each kind of element
 _NODES = {"line": 2, "line3": 3, "triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9}
 
@@ -51,7 +53,10 @@ def read_abaqus(path: Path) -> meshio.Mesh:
     import meshio
 
     read = _Reader(path)
-    for keyword, options, rows in _blocks(path.read_text(encoding="utf-8")):
+    text = path.read_text(encoding="utf-8")
+    for name, meant in _OF_MESHIO.items() if "written by meshio" in text else ():
+        text = text.replace(name, meant)
+    for keyword, options, rows in _blocks(text):
         read.block(keyword, options, rows)
     sizes = [len(elements) for _, elements in read.blocks]
     first = np.cumsum([0, *sizes])
