@@ -156,6 +156,8 @@ class _Reader:
                 readers[keyword](options, rows)
             except (ValueError, IndexError):
                 raise self._error(f"has a line of *{keyword} that holds no numbers; export it again") from None
+            except KeyError as option:
+                raise self._error(f"has *{keyword} without the option {option.args[0]}; export it again") from None
 
     def _part(self, keyword: str, rows: list[list[str]]) -> None:
         self.is_assembly = keyword == "ASSEMBLY" or (self.is_assembly and keyword != "END ASSEMBLY")

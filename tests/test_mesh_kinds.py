@@ -145,6 +145,8 @@ BROKEN: dict[str, tuple[Writer, str]] = {
     "cylindrical.inp": (text(ABAQUS.replace("*NODE", "*NODE, SYSTEM=C")), "coordinates that are not rectangular"),
     "axisymmetric.inp": (text(ABAQUS.replace("CPE4", "CAX4P")), "elements of type CAX4P are not supported"),
     "a node is missing.inp": (text(ABAQUS.replace("\n6, 2", "\n7, 2")), "has no node 6, which an element of it names"),
+    "a set without a name.inp": (text(ABAQUS + "*NSET\n1, 2\n"), "has *NSET without the option NSET"),
+    "no number.inp": (text(ABAQUS + "*NODE\nx, 1.0, 2.0\n"), "has a line of *NODE that holds no numbers"),
     "a set of nothing.inp": (text(ABAQUS.replace("4, 5, 6", "4, Ends")), "names node Ends, which is not there"),
     "another system.bdf": (text(NASTRAN.replace("{}", "5")), "nodes in coordinates of their own (GRID,1,5,"),
     "another system in columns.bdf": (text("GRID           1       5     0.0\n"), "(GRID 1 5 0.0)"),
