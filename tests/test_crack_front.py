@@ -148,3 +148,15 @@ def test_a_tip_that_meets_a_crack_does_not_run_along_it():
     times, speed = branch.speed(0.5)
     assert speed == pytest.approx(np.ones(len(speed)), abs=0.1)
     assert (times < 14.0).any() and (times > 16.0).any() and not (np.abs(times - 15.0) < 0.5).any()
+
+
+def test_a_tip_does_not_wait_for_what_breaks_late_beside_its_start():
+    points = lattice()
+    phase, when = drawn_crack(points, (START, START + arm(0.0, 30.0), 0.0))
+    start = np.isfinite(when) & (np.linalg.norm(points - START, axis=1) < 2.0 * H)
+    when[start] = 30.0
+    (way,) = crack_front.branches(points, phase, when, H, START)
+    times, speed = way.speed(interval=1.0)
+    assert times[0] < 6.0
+    assert np.mean(speed) == pytest.approx(SPEED, rel=0.02)
+    assert not way.met

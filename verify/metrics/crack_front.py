@@ -98,6 +98,9 @@ def _branch(line: Array, others: list[Array], tree: cKDTree, when: Array, h: flo
     known = np.isfinite(first)
     line, first = line[known], first[known]
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    # a crack that sets out beside the start, as from the corner of a wide notch, does not wait for it to break
+    beside = along < MET * h
+    first[beside] = np.minimum.accumulate(first[::-1])[::-1][beside]
     forks = sorted({_parting(line, other, h) for other in others})
     arrival = np.maximum.accumulate(first)
     return Branch(line, arrival, along, tuple(forks), _times_met(first < arrival, arrival, along, MET * h))
