@@ -110,14 +110,17 @@ class _Sets:
     members: dict[str, list[int]] = field(default_factory=dict)
 
     def add(self, name: str, numbers: list[int]) -> None:
+        """Put numbers into the set of a name."""
         key = name.strip('"').upper()
         self.spelt.setdefault(key, name.strip('"'))
         self.members.setdefault(key, []).extend(numbers)
 
     def of(self, name: str) -> list[int] | None:
+        """Numbers of the set of a name, None where there is none."""
         return self.members.get(name.strip('"').upper())
 
     def named(self) -> list[tuple[str, list[int]]]:
+        """Names as they were first spelt, and the numbers of each."""
         return [(self.spelt[key], numbers) for key, numbers in self.members.items()]
 
 

@@ -104,7 +104,7 @@ def quasi_newton_step(
             at_rest, iterations = equations.reached, outcome.iterations + SWEEPS
             if lead_away(discretisation, case, equations.sweep(SWEEPS)):
                 return settle(discretisation, case, load, give_up, before, iterations)
-            equations.residual(at_rest)  # a sweep's steps are whole ones, which may go too far
+            equations.residual(at_rest)  # where sweeps lead is only looked at
             outcome = StepOutcome("converged", equations.history_field, iterations)
     except NewtonError:
         outcome = None

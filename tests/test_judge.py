@@ -180,12 +180,12 @@ def test_printed_numbers_stand_beside_ours(tmp_path: Path) -> None:
     [
         (0.0, 0.0, True, "none comes", "met"), (0.0, 1.0, False, "shown: one comes", "shown"),
         (-2.0, -1.99, True, "asked", "met"), (2.0, 2.08, False, "shown", "near"), (2.0, 3.0, True, "one digit", "gated"),
-        (2.0, 3.0, False, "open discrepancy: why?", "open"), (2.0, None, False, "open discrepancy: why?", "open"),
-        (2.0, None, True, "asked", "without"),
+        (2.0, 4.0, True, "one digit", "open"), (2.0, 3.0, False, "open discrepancy: why?", "open"),
+        (2.0, 3.0, False, "for interest", "open"), (2.0, None, True, "asked", "without"),
     ],
 )  # fmt: skip
 def test_where_a_value_stands_beside_print(printed, ours, gated, reason, standing):
-    row = Printed("case", "Someone", "table", "force", "N", printed, ours=ours, gated=gated, reason=reason)
+    row = Printed("case", "Someone", "table", "force", "N", printed, ours=ours, limit=0.5, gated=gated, reason=reason)
     assert row.standing == standing
 
 

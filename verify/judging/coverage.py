@@ -23,8 +23,8 @@ from verify.metrics.registry import metric_unit
 #: misses up to which a printed number counts as met, and as near
 MET, NEAR = 0.02, 0.05
 NO_CHECK = "no check compares it"
-#: how the reason of a check begins that shows a miss whose cause no experiment has found
-OPEN = "open discrepancy"
+#: how the reason of a check begins that shows a miss whose cause an experiment has found
+SHOWN = "shown"
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class Printed:
 
     ours : of the finest tier that has one, found in a run or a baseline; None without
     limit : of the check, which gates or only shows, and why; 0 where no check compares the two
+    is_relative : the limit is a share of the printed value
     """
 
     case: str
@@ -48,6 +49,7 @@ class Printed:
     limit: float = 0.0
     gated: bool = False
     reason: str = NO_CHECK
+    is_relative: bool = True
 
     @property
     def share(self) -> float | None:
@@ -63,13 +65,13 @@ class Printed:
 
         What is gated is within what print leaves open.
         """
-        if self.share is None:
-            return "open" if self.reason.startswith(OPEN) else "without"
+        if self.ours is None or self.share is None:
+            return "without"
         if self.share <= NEAR:
             return "met" if self.share <= MET else "near"
-        if self.gated:
+        if self.gated and (self.share if self.is_relative else abs(self.ours - self.printed)) <= self.limit:
             return "gated"
-        return "open" if self.reason.startswith(OPEN) else "shown"
+        return "shown" if self.reason.startswith(SHOWN) else "open"
 
 
 def coverage(cases: Iterable[Case], out: Path, summary: Mapping[str, Any] | None = None) -> list[Printed]:
@@ -131,7 +133,7 @@ def _of_tier(case: Case, out: Path, told: Mapping[Told, float]) -> Iterator[Prin
             ours, found = row.value, f"baseline of {row.date}"
         yield Printed(
             case.name, reference.source, reference.kind, check.metric, metric_unit(check.metric, case), printed,
-            check.run, case.tier, ours, found, check.limit, check.gate, check.reason,
+            check.run, case.tier, ours, found, check.limit, check.gate, check.reason, check.measure == "relative",
         )  # fmt: skip
 
 
