@@ -37,8 +37,10 @@ EQUILIBRIUM_SHARE = 0.1
 LARGEST_ITERATIONS = 500
 #: longest step, as a change of the phase field
 LONGEST_STEP = 0.5
-#: iterations between two questions whether to give up, which take a tenth of an iteration
+#: iterations between two questions whether the crack runs away, which take a tenth of an iteration
 ITERATIONS_BETWEEN = 5
+#: why iterations end before they have converged
+RUNS_AWAY = "the crack runs away"
 #: a move teaches nothing whose residual's change along it is less than this share of the first slope
 SMALLEST_CURVATURE = 1e-8
 
@@ -87,19 +89,32 @@ def quasi_newton_step(
     discretisation: CoupledDiscretisation,
     case: Case,
     load: float,
-    give_up: Callable[[int], str] = lambda iteration: "",
+    give_up: Callable[[int], str],
+    runs_away: Callable[[], bool],
+    cautious: bool,
 ) -> StepOutcome:
     """Solve one increment by L-BFGS (Wu, Huang and Nguyen 2020, doi 10.1016/j.cma.2019.112704; Nocedal 1980).
 
-    The arguments are those of `staggered_step`, to which an increment is left, and counted, that does not converge; from
-    an equilibrium that is not stable its iterations go on.
+    The other arguments are those of `staggered_step`, to which an increment is left, and counted, that does not converge;
+    from an equilibrium that is not stable its iterations go on. ``runs_away()`` tells whether the trial state's crack has
+    run too far: then ``cautious`` iterations end, and others' result is only taken where the staggered scheme finds no
+    equilibrium before it.
     """
     if discretisation.fracture is None:
         return staggered_step(discretisation, case, load, give_up)
     discretisation.begin_step()
     before, equations = discretisation.energies()[1], CoupledEquations(discretisation, case, load)
     try:
-        outcome = _minimised(equations, case, give_up)
+        outcome = _minimised(equations, case, give_up, runs_away, cautious)
+        if outcome is not None and not cautious and runs_away():
+            reached = equations.reached
+            nearer = _before_it_runs(discretisation, case, load, give_up, runs_away)
+            if nearer is not None:
+                return nearer
+            discretisation.undo()
+            discretisation.begin_step()
+            discretisation.go_to(load)
+            equations.residual(reached)
         if outcome is not None and outcome.verdict == "converged" and has_run(discretisation, case, before):
             at_rest, iterations = equations.reached, outcome.iterations + SWEEPS
             if lead_away(discretisation, case, equations.sweep(SWEEPS)):
@@ -115,6 +130,28 @@ def quasi_newton_step(
     return staggered_step(discretisation, case, load, give_up)
 
 
+def _before_it_runs(
+    discretisation: CoupledDiscretisation,
+    case: Case,
+    load: float,
+    give_up: Callable[[int], str],
+    runs_away: Callable[[], bool],
+) -> StepOutcome | None:
+    """The equilibrium, then counted, that the staggered scheme finds before the crack runs away; None without one.
+
+    A line search looks at the energy where it lands and not on the way: it may step over what holds a crack back.
+    """
+    discretisation.undo()
+    try:
+        outcome = staggered_step(discretisation, case, load, lambda n: RUNS_AWAY if runs_away() else give_up(n))
+    except NewtonError:
+        return None
+    if outcome.verdict != "converged" or runs_away():
+        return None
+    discretisation.costs.count["nearer_equilibria"] += 1
+    return outcome
+
+
 class CoupledEquations:
     """Equations R(x) = 0 of the free unknowns of the displacement and, behind them, of the phase field.
 
@@ -123,8 +160,9 @@ class CoupledEquations:
 
     def __init__(self, discretisation: CoupledDiscretisation, case: Case, load: float) -> None:
         assert discretisation.fracture is not None
-        self.discretisation, self._case, self._fracture = discretisation, case, discretisation.fracture
-        self._equation, self._equilibrium = self._fracture.equation, discretisation.equilibrium
+        self.discretisation, self._case, self._load = discretisation, case, load
+        self._fracture = discretisation.fracture
+        self._equation, self._equilibrium = discretisation.fracture.equation, discretisation.equilibrium
         self._committed = self.history_field = discretisation.history_field
         displacement = discretisation.go_to(load)
         self.start = self.reached = np.concatenate([displacement, discretisation.nodal_phase_field[self._equation.free]])
@@ -156,6 +194,15 @@ class CoupledEquations:
         forces = residual[: self._equilibrium.size]
         return float(np.sqrt(np.einsum("n,n->", forces, forces)))
 
+    def balanced(self) -> NDArray:
+        """Unknowns (n,) in equilibrium at the trial phase field."""
+        discretisation = self.discretisation
+        tensile_energy = discretisation.solve_displacement(self._load, self._case.staggered.residual_tolerance)
+        self.history_field = updated_history(self._case, self._committed, tensile_energy)
+        displacement = discretisation.go_to(self._load)
+        self.reached = np.concatenate([displacement, self.phase_field(self.reached)])
+        return self.reached
+
     def factorise(self) -> None:
         """Make the factors those of the trial state."""
         discretisation = self.discretisation
@@ -185,11 +232,17 @@ class CoupledEquations:
         return changes
 
 
-def _minimised(equations: CoupledEquations, case: Case, give_up: Callable[[int], str]) -> StepOutcome | None:
+def _minimised(
+    equations: CoupledEquations,
+    case: Case,
+    give_up: Callable[[int], str],
+    runs_away: Callable[[], bool],
+    cautious: bool,
+) -> StepOutcome | None:
     """The outcome of the iteration, None where it does not converge; raises NewtonError where it leaves all bounds."""
     settings, moves = case.staggered, deque[Move](maxlen=MEMORY)
     balance = max(10.0 * settings.residual_tolerance, EQUILIBRIUM_SHARE * settings.tolerance)
-    unknowns, change = equations.start, np.inf
+    unknowns, change, asked_again = equations.start, np.inf, 0
     residual, scale = equations.residual(unknowns)
     for iteration in range(1, min(LARGEST_ITERATIONS, settings.largest_iterations) + 1):
         equations.discretisation.costs.begin_iteration()
@@ -200,9 +253,18 @@ def _minimised(equations: CoupledEquations, case: Case, give_up: Callable[[int],
         before, change = change, float(np.abs(equations.phase_field(step)).max())
         if equations.imbalance(residual) <= balance * scale and remaining_distance(change, before) <= settings.tolerance:
             return StepOutcome("converged", equations.history_field, iteration)
-        reason = "" if iteration % ITERATIONS_BETWEEN else give_up(iteration)
-        if reason:
-            return StepOutcome("interrupted", equations.history_field, iteration, reason)
+        if iteration % ITERATIONS_BETWEEN == 0:
+            if cautious and runs_away():
+                return StepOutcome("interrupted", equations.history_field, iteration, RUNS_AWAY)
+            if iteration >= asked_again and give_up(iteration):
+                # forces out of balance may vanish where nothing is broken
+                unknowns, asked_again = equations.balanced(), 2 * iteration
+                reason = give_up(iteration)
+                if reason:
+                    return StepOutcome("interrupted", equations.history_field, iteration, reason)
+                residual, scale = equations.residual(unknowns)
+                moves.clear()
+                continue
         if not slope < 0.0:
             return None
         start, old = unknowns, residual

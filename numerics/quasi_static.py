@@ -322,7 +322,7 @@ class _LoadPath:
         """Outcome of a staggered step and what speaks against accepting it; ``cautious`` judges the crack's advance."""
 
         def give_up(iteration: int) -> str:
-            too_far = cautious and self._advance_energy() > self.limits.energy
+            too_far = cautious and self._runs_away()
             if too_far and self.dissipative:
                 return TOO_FAR
             if self._gives_way(load):
@@ -333,13 +333,14 @@ class _LoadPath:
 
         try:
             if case.staggered.scheme == "bfgs":
-                outcome = quasi_newton_step(cast(CoupledDiscretisation, self.discretisation), case, load, give_up)
+                coupled = cast(CoupledDiscretisation, self.discretisation)
+                outcome = quasi_newton_step(coupled, case, load, give_up, self._runs_away, cautious)
             else:
                 outcome = staggered_step(self.discretisation, case, load, give_up)
         except (NewtonError, LinearSolverError) as error:
             problem = GIVES_WAY if self._gives_way(load) else str(error)
             return StepOutcome("stalled", self.discretisation.history_field, 0), problem
-        if cautious and self._advance_energy() > self.limits.energy:
+        if cautious and self._runs_away():
             return outcome, TOO_FAR
         if self._gives_way(load):
             return outcome, GIVES_WAY
@@ -364,6 +365,9 @@ class _LoadPath:
     def _advance_energy(self) -> float:
         before = self.last.fracture_energy if self.last else 0.0
         return self.discretisation.energies()[1] - before
+
+    def _runs_away(self) -> bool:
+        return self._advance_energy() > self.limits.energy
 
     def _broken(self, force: float, load: float) -> bool:
         """Whether the force is gone at a load because the specimen is, not because it is unloaded."""
