@@ -115,8 +115,8 @@ class Staggered(Table):
     ----------
     scheme : iterate until converged, or a fixed number of `passes` per increment (the thesis's N_staggs); dynamics has
         passes only; "bfgs" solves for displacement and phase field together by a quasi-Newton method, to the same
-        tolerances, and leaves an increment that does not converge to the converged scheme; where the crack runs away, that
-        one is asked for an equilibrium before
+        tolerances, and leaves an increment that does not converge to the converged scheme; that one is asked, too,
+        whether a crack that runs away has stepped over an equilibrium
     passes : in dynamics further ones repeat a step; material points from the same forces, so that the second one has the
         phase field of the step's end and more change nothing, finite elements from forces that see it a step ahead
     tolerance : on max |c - its limit|, the limit estimated from how the changes of c fall; where a crack has advanced by
