@@ -67,11 +67,11 @@ def load_case(
     ------
     CaseError : the case does not exist, or something in it is wrong
     """
-    read, key = _read.get(), (name_or_path, tier, run)
-    if read is None or change:
+    read, key = _read.get(), (name_or_path, tier, run, repr(change or {}))
+    if read is None:
         return _load(name_or_path, tier, run, change)
     if key not in read:
-        read[key] = _load(*key)
+        read[key] = _load(name_or_path, tier, run, change)
     return read[key]
 
 

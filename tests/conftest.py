@@ -57,8 +57,13 @@ def variant() -> Callable[..., Case]:
     return build
 
 
-@pytest.fixture
-def few_sections(monkeypatch: pytest.MonkeyPatch) -> None:
+def draw_few_sections(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of pages, the first sections alone are drawn, and the studies that the library has on record are not."""
     monkeypatch.setattr("reports.overview.studied_cases", lambda *_: [])
     monkeypatch.setattr("reports.report.SECTIONS", SECTIONS[:3])
+
+
+@pytest.fixture
+def few_sections(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `draw_few_sections`, in one test."""
+    draw_few_sections(monkeypatch)

@@ -14,6 +14,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from conftest import draw_few_sections
 from scipy.spatial import cKDTree
 from synthetic_run import write_verification
 
@@ -24,22 +25,28 @@ from reports import kept, style, write_report
 
 
 @pytest.fixture(scope="module")
-def verified(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a synthetic verification."""
+def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The folder of a synthetic verification with its report, of the first sections, and a copy of it."""
     out = tmp_path_factory.mktemp("verified") / "out"
     write_verification(out, cells=12)
-    return out
-
-
-@pytest.fixture
-def drawn(verified: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, few_sections: None) -> tuple[Path, list[str]]:
-    """A copy with its report, of the first sections, and the names of figures that are drawn from then on."""
-    out, names, save = tmp_path / "out", list[str](), style.save
-    shutil.copytree(verified, out)
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     summary["cases"][0]["source"] = str(out / "cases" / "notched" / "case.toml")
     (out / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
-    write_report(out)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        draw_few_sections(monkeypatch)
+        write_report(out)
+    shutil.copytree(out, out.with_name("copy"))
+    return out, out.with_name("copy")
+
+
+@pytest.fixture
+def drawn(
+    reported: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, few_sections: None
+) -> tuple[Path, list[str]]:
+    """The verification's folder as it was, and the names of figures that are drawn from then on."""
+    (out, copy), names, save = reported, list[str](), style.save
+    shutil.rmtree(out)
+    shutil.copytree(copy, out)
     monkeypatch.setattr(style, "save", lambda figure, folder, name: (names.append(name), save(figure, folder, name))[1])
     return out, names
 

@@ -8,7 +8,7 @@ from tests.random_scenes import outcome
 @pytest.mark.parametrize("seed", [0, 1, 3, 6])
 def test_solvers_agree_on_a_random_scene_or_say_why_not(seed, tmp_path):
     found = outcome(seed, tmp_path)
-    assert found.finer > 0.0
+    assert found.fem > 0.0
     assert not found.silent
     assert not found.suspicions
 

@@ -201,9 +201,17 @@ def test_a_block_that_falls_at_once_has_no_peak(tmp_path):
         METRICS["first_peak_angle"](Told(case, history_of(PendulumMotion(case), case)))
 
 
-def test_the_corner_of_the_pendulum_is_that_of_its_base(tmp_path):
-    case = case_of(tmp_path, **pulse(1.2), **no_borders(stop_when_settled=False), output={"records": 4000})
-    told = Told(case, history_of(PendulumMotion(case), case))
+@pytest.fixture(scope="module")
+def rocked(tmp_path_factory):
+    """A pendulum with its history in fine records."""
+    folder = tmp_path_factory.mktemp("rocked")
+    case = case_of(folder, **pulse(1.2), **no_borders(stop_when_settled=False), output={"records": 4000})
+    return case, history_of(PendulumMotion(case), case)
+
+
+def test_the_corner_of_the_pendulum_is_that_of_its_base(rocked):
+    case, history = rocked
+    told = Told(case, history.copy())
     assert METRICS["base_offset"](told) < 1e-3
     assert METRICS["force_offset"](told) < 1e-3
     # slower than energy has it: as on a narrower base
@@ -211,9 +219,9 @@ def test_the_corner_of_the_pendulum_is_that_of_its_base(tmp_path):
     assert METRICS["base_offset"](told) > 0.02
 
 
-def test_a_force_beside_the_corner_is_found_where_it_passes(tmp_path):
-    case = case_of(tmp_path, **pulse(1.2), **no_borders(stop_when_settled=False), output={"records": 4000})
-    told = Told(case, history_of(PendulumMotion(case), case))
+def test_a_force_beside_the_corner_is_found_where_it_passes(rocked):
+    case, history = rocked
+    told = Told(case, history.copy())
     # upright forces of the block's weight 20 mm beside the corner turn it faster by as much
     time, block = told.history["time"], block_of(case)
     told.history["block_spin"] += 0.02 * block.mass * block.gravity / block.inertia * time

@@ -113,7 +113,7 @@ class Springs:
         down_again.terminal = over.terminal = True
         found = solve_ivp(
             self.rates, (0.0, 8.0 / P), [0.0, rest, 0.0, 0.0, 0.0, 0.0, 0.0], events=(down_again, over), rtol=1e-6,
-            atol=1e-9, max_step=2e-3,
+            atol=1e-9, max_step=5e-3,
         )  # fmt: skip
         assert len(found.t_events[0]) + len(found.t_events[1]) == 1
         return bool(len(found.t_events[1]))

@@ -19,9 +19,9 @@ from .harness import attack
 def main() -> int:
     """0 when nothing was found."""
     asked = _arguments()
-    if asked.only and ":" in asked.only:
-        return _repeat(asked.seed, *asked.only.split(":"))
-    kinds, found = [asked.only] if asked.only else list(ATTACKS), 0
+    if asked.only and ":" in asked.only[0]:
+        return _repeat(asked.seed, *asked.only[0].split(":"))
+    kinds, found = asked.only or list(ATTACKS), 0
     for kind in kinds:
         numbers = range(asked.first, asked.first + asked.most)
         findings = attack(ATTACKS[kind], asked.seed, numbers, asked.seconds / len(kinds))
@@ -38,7 +38,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.attack", description=__doc__, formatter_class=as_written)
     parser.add_argument("--seconds", type=float, default=3600.0, help="for all kinds together")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", metavar="KIND[:NUMBER]", help=f"of {', '.join(ATTACKS)}, or one attempt")
+    parser.add_argument("--only", nargs="+", metavar="KIND[:NUMBER]", help=f"of {', '.join(ATTACKS)}, or one attempt")
     parser.add_argument("--first", type=int, default=0, help="number of the first attempt")
     parser.add_argument("--most", type=int, default=10**9, help="attempts of a kind")
     return parser.parse_args()

@@ -18,6 +18,7 @@ import pandas as pd
 
 from cases import Case, Check
 from cases.judging import merge
+from cases.loader import reading_once
 from cases.studies import Chart, ChartedMetric, Varied, coordinates
 from numerics.status import RunStatus
 from verify.judging.targets import target_of, value_of
@@ -69,6 +70,7 @@ def chart_folder(out: Path, case: Case) -> Path:
     return out / "charts" / case.name / case.tier
 
 
+@reading_once()
 def make_charts(
     case: Case, options: Options, names: Sequence[str] = (), repeats: int = 1, tell: Tell = lambda line: None,
     record: bool = False,

@@ -19,6 +19,7 @@ import pandas as pd
 
 from cases import Case, CaseError
 from cases.judging import merge, nest
+from cases.loader import reading_once
 from cases.studies import REACHED, RUN, Judged, Map, coordinates, level_changes
 from numerics.status import RunStatus
 from verify.judging.targets import target_of
@@ -85,6 +86,7 @@ def map_folder(out: Path, case: Case) -> Path:
     return out / "maps" / case.name / case.tier
 
 
+@reading_once()
 def make_maps(
     case: Case, options: Options, names: Sequence[str] = (), tell: Tell = lambda line: None, record: bool = False
 ) -> list[Path]:

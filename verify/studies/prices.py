@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from cases import Case, Check, load_case
+from cases.loader import reading_once
 from cases.solvers import SOLVERS
 from numerics.status import RunStatus
 from verify.metrics.registry import METRICS, PAIR_METRICS, find_metric, metric_unit
@@ -69,6 +70,7 @@ def _value(check: Check, *runs: RunFolder) -> float:
         return math.nan
 
 
+@reading_once()
 def price(
     case: Case, options: Options, runs: Sequence[str] = (), tell: Tell = lambda line: None, record: bool = False,
     only: Sequence[str] = (),
