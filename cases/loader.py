@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,10 @@ _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\
 Tables = dict[str, Any]
 
 _read: ContextVar[dict[Any, Case] | None] = ContextVar("_read", default=None)
+#: file, digest of its tables, tier, run -> load path of a variant that has been found right; None in dynamics
+_right: dict[tuple[str, str, str, str | None], tuple[float, ...] | None] = {}
+#: variants that are remembered
+MOST_REMEMBERED = 5000
 
 
 def list_cases() -> list[str]:
@@ -189,14 +194,28 @@ class _Builder:
 
     def check_variants(self, case: Case) -> None:
         """Raise CaseError for a mistake in any run of this tier or in any other tier, or for what none of them does."""
-        variants = [self.case(case.tier, run, case) for run in case.expanded_runs()]
-        variants += [self.case(tier) for tier in case.tiers]
-        paths = [variant.load.path for variant in variants if variant.dynamics is None]
+        found = [self._right(case.tier, run, case) for run in case.expanded_runs()]
+        found += [self._right(tier) for tier in case.tiers]
+        paths = [path for path in found if path is not None]
         for number, u in enumerate(case.output.snapshots):
             slack = SLACK * abs(u)  # 300 um and 0.3 mm differ by rounding
             if paths and not any(min(path) - slack <= u <= max(path) + slack for path in paths):
                 remedy = "give a load parameter that load.path passes"
                 raise sentence(self.source, f"output.snapshots[{number}]", u, "is off the load path of every run", remedy)
+
+    @cached_property
+    def _digest(self) -> str:
+        return hashlib.sha256(repr(self.tables).encode("utf-8", "surrogatepass")).hexdigest()
+
+    def _right(self, tier: str, run: str | None = None, base: Case | None = None) -> tuple[float, ...] | None:
+        """Load path of a variant, None in dynamics; one that was right is not built again from the same tables."""
+        key = (str(self.source), self._digest, tier, run)
+        if key not in _right:
+            variant = self.case(tier, run, base)
+            if len(_right) >= MOST_REMEMBERED:
+                _right.clear()
+            _right[key] = variant.load.path if variant.dynamics is None else None
+        return _right[key]
 
     def _has_known_tables(self) -> None:
         known = list(CaseDescription.model_fields)
