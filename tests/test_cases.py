@@ -155,6 +155,19 @@ def test_a_case_is_named_by_its_folder(toy_file: Path) -> None:
     assert case.source == toy_file.resolve() and case.folder == toy_file.parent.resolve()
 
 
+def test_variants_that_were_right_are_not_built_again(toy_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of another text are, so that a mistake in one is told."""
+    built, validate = [], cases.loader.Case.model_validate
+    monkeypatch.setattr(cases.loader.Case, "model_validate", lambda *a, **b: built.append(1) or validate(*a, **b))
+    load_case(toy_file)
+    first = len(built)
+    load_case(toy_file)
+    assert len(built) == first + 1 and first > 2
+    toy_file.write_text(TOY.replace("[tiers.quick.mesh]", "[tiers.quick.mesh]\ncoarse = -1.0"), encoding="utf-8")
+    with pytest.raises(CaseError, match=r"tiers\.quick\.mesh\.coarse"):
+        load_case(toy_file)
+
+
 def test_a_copy_of_a_case_of_the_library_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert load_case("homogeneous_bar").folder == cases.loader.LIBRARY / "homogeneous_bar"

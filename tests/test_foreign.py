@@ -399,7 +399,7 @@ def test_a_crack_path_may_be_a_table_of_any_order(square: Case, tmp_path: Path) 
     assert judged.run.crack_path.tolist() == [[0.0, 0.5], [0.5, 0.5], [1.0, 0.75]]
 
 
-def test_a_case_is_judged_at_the_tier_that_is_asked_for(square: Case, tmp_path: Path) -> None:
+def test_a_case_is_judged_at_the_tier_that_is_asked_for(square: Case, tmp_path: Path, few_sections: None) -> None:
     judged = judge(load_case(square.source, "standard"), CURVE, tier="quick", out=tmp_path / "judged")
     assert judged.run.case.tier == "quick" and judged.verdict == "PASS"
 

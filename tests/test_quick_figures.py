@@ -192,4 +192,8 @@ def test_a_case_is_read_once_where_none_changes(tmp_path: Path) -> None:
         case = load_case("sen_tension")
         assert load_case("sen_tension") is case
         assert load_case("sen_tension", "quick") is not case
+        coarse, fine = ({"load": {"increment": u}} for u in (4e-4, 1e-4))
+        varied = load_case("sen_tension", "quick", "fem", coarse)
+        assert load_case("sen_tension", "quick", "fem", dict(coarse)) is varied
+        assert load_case("sen_tension", "quick", "fem", fine) is not varied
     assert load_case("sen_tension") is not case
