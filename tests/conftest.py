@@ -15,9 +15,10 @@ from reports.report import SECTIONS
 LIBRARY = Path(__file__).parents[1] / "cases" / "library"
 #: files that take longest: two workers that begin with them end together
 LONGEST = (
-    "test_library.py", "test_maps.py", "test_attack.py", "test_health.py", "test_reports.py", "test_random_scenes.py",
-    "test_charts.py", "test_cluster.py", "test_records.py", "test_foreign.py", "test_inclined_slits.py",
-    "test_acceleration.py",
+    "test_library.py", "test_maps.py", "test_attack.py", "test_health.py", "test_explicit_fourth_order.py",
+    "test_reports.py", "test_foreign.py", "test_cluster.py", "test_quick_figures.py", "test_charts.py",
+    "test_rigid_block.py", "test_moving_phase_field.py", "test_moving_fourth_order.py", "test_records.py",
+    "test_run_folder.py", "test_random_scenes.py", "test_acceleration.py", "test_inclined_slits.py",
 )  # fmt: skip
 
 
