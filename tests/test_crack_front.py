@@ -1,10 +1,13 @@
 """Tips, speeds, branching, fragments and symmetry on cracks that are drawn, not computed."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from verify.metrics import crack_front
+from verify.metrics.crack_path import TORN_WIDTH_OF_HISTORY, reach_of_history
 
 H, LENGTH_SCALE = 0.5, 0.5
 SPEED, FORK, HALF_ANGLE = 0.8, np.array([30.0, 20.0]), 30.0
@@ -106,6 +109,24 @@ def test_a_straight_crack_does_not_branch():
 def test_a_tip_that_waits_does_not_move(ways):
     before, after = ways[0].position([-1.0, 1e6])
     assert np.isnan(before) and np.isnan(after)
+
+
+def test_the_band_of_a_history_notch_in_small_cells_is_no_branch():
+    """It is torn up to a length scale from the notch and c rises from there on, over more cells than four."""
+    points, mouth, fine = lattice(spacing=0.125), np.array([0.0, 20.0]), 0.25 * LENGTH_SCALE
+    phase, when = drawn_crack(points, (START, START + arm(0.0), 0.0))
+    distance, _ = distance_and_place(points, mouth, START)
+    phase = np.minimum(phase, 1.0 - np.exp(-np.maximum(distance - LENGTH_SCALE, 0.0) / (2.0 * LENGTH_SCALE)))
+    when[distance < 1.6 * LENGTH_SCALE] = 0.0
+    case = SimpleNamespace(
+        mesh=SimpleNamespace(h=fine), bodies={"plate": SimpleNamespace(material="glass")},
+        materials={"glass": SimpleNamespace(fracture=SimpleNamespace(order=2, length_scale=LENGTH_SCALE))},
+        inside=lambda points: np.zeros(len(points), dtype=int),
+    )  # fmt: skip
+    notch = np.array([mouth, START])
+    reach = reach_of_history(case, notch, TORN_WIDTH_OF_HISTORY)
+    (way,) = crack_front.branches(points, phase, when, fine, START, notch, reach=reach)
+    np.testing.assert_allclose(way.points[-1], START + arm(0.0), atol=2 * H)
 
 
 def test_nothing_broken_gives_no_branches():

@@ -130,14 +130,39 @@ def test_cells_left_out_for_a_notch(as_nan):
     assert np.array_equal(found[0], [0.5, 0.5])
 
 
+def with_history(notches, l0=1.5 * H):
+    """A case with notches of history in a body of second order."""
+    return SimpleNamespace(
+        all_notches=[SimpleNamespace(kind="history", start=start, end=end) for start, end in notches],
+        mesh=SimpleNamespace(h=H), bodies={"plate": SimpleNamespace(material="steel")},
+        materials={"steel": SimpleNamespace(fracture=SimpleNamespace(order=2, length_scale=l0))},
+        inside=lambda points: np.zeros(len(points), dtype=int),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("l0_over_h", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("second", [[], [np.array([[-20.0, 12.0], [-10.0, 12.0]])]])
+def test_the_band_of_a_history_notch_is_no_crack(l0_over_h, second):
+    """The notch breaks all that lies within a length scale of it, and c rises from there on, over any number of cells."""
+    l0 = l0_over_h * H
+    notch, line = l0 * np.array([[-20.0, 0.0], [0.0, 0.0]]), l0 * np.array([[0.0, 0.0], [4.0, -4.0], [12.0, -8.0]])
+    notches = [notch, *(l0 * other for other in second)]
+    cells = np.arange(-20.0 * l0, 20.0 * l0, H / 2)
+    points = lattice(cells)
+    band = [np.maximum(distance(points, one) - l0, 0.0) for one in notches]
+    only = 1.0 - np.exp(-np.min(band, axis=0) / (2.0 * l0))
+    case = with_history(notches, l0)
+    assert len(crack_path(SimpleNamespace(reference=points, phase_field=only), case)) == 0
+    both = np.minimum(only, profile(points, line, l0=l0))
+    found = crack_path(SimpleNamespace(reference=points, phase_field=both), case)
+    assert path_length(found) == pytest.approx(path_length(line), abs=2 * l0)
+    assert path_angle(found) == pytest.approx(path_angle(line), abs=3.0)
+
+
 def test_notch_in_the_phase_field_is_not_traced():
     points, notch = POINTS["gauss"], np.array([[0.0, 0.5], [0.5, 0.5]])
     line = np.array([[0.5, 0.5], [0.62, 0.56]])
-    case = SimpleNamespace(
-        all_notches=[SimpleNamespace(kind="history", start=notch[0], end=notch[1])],
-        mesh=SimpleNamespace(h=H),
-        materials={},
-    )
+    case = with_history([notch])
     fields = SimpleNamespace(reference=points, phase_field=profile(points, notch, line))
     found = crack_path(fields, case)
     assert mean_distance(found, line) < 0.1 * H

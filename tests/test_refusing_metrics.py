@@ -55,6 +55,12 @@ def test_bodies_that_never_touch_meet_no_condition_of_contact(runs: dict[str, Ru
         METRICS["contact_violations"](runs["apart"])
 
 
+def test_bodies_at_rest_have_no_momentum_to_keep(runs: dict[str, RunFolder]) -> None:
+    assert METRICS["momentum_drift"](runs["meeting"]) < 1e-9
+    with pytest.raises(MetricError, match="begin at rest, with no momentum to keep; give one a velocity"):
+        METRICS["momentum_drift"](runs["apart"])
+
+
 def test_a_check_of_contact_without_any_fails(tmp_path: Path) -> None:
     file = tmp_path / "apart.toml"
     file.write_text(CASE + SQUARES.replace("VELOCITY", "0").replace("MATERIAL", "whole") + check("contact_violations"))

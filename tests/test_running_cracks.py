@@ -49,6 +49,7 @@ def synthetic_run(broken: bool = True, shift: float = 0.0):
         bodies={"plate": plate}, fracture_enabled=True, name="drawn",
         mesh=SimpleNamespace(h=H), plane=SimpleNamespace(thickness=1.0), materials={"glass": GLASS},
         all_notches=(HistoryNotch(kind="history", start=(0.0, 20.0), end=tuple(START), factor=1000.0),),
+        inside=lambda places: np.zeros(len(places), dtype=int),
     )  # fmt: skip
     info = {"run": "drawn", "seconds": {"phase_field": 2.0, "increments": 8.0}}
     nothing = np.empty((0, 2))

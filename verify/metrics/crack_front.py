@@ -74,15 +74,16 @@ def branches(
     start: ArrayLike | None = None,
     notch: ArrayLike | None = None,
     threshold: float = 0.25,
+    reach: float | None = None,
 ) -> list[Branch]:
     """Ways of all tips, the longest first; none where nothing broke.
 
     points : (n, 2) reference positions. phase_field : (n,) at the end. broken_at : (n,) when it first fell below the
-    threshold, NaN where it did not [time]. h, start, notch : as for ``crack_path.trace_crack``.
+    threshold, NaN where it did not [time]. h, start, notch, reach : as for ``crack_path.trace_crack``.
     """
     points, broken_at = np.asarray(points, dtype=float), np.asarray(broken_at, dtype=float)
     broken = np.isfinite(broken_at)
-    ways = trace_tree(points, phase_field, h, threshold, start, notch, SHORTEST)
+    ways = trace_tree(points, phase_field, h, threshold, start, notch, SHORTEST, reach)
     if not ways or not broken.any():
         return []
     from scipy.spatial import cKDTree

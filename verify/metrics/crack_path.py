@@ -30,7 +30,10 @@ PIXELS_PER_CELL = 4
 SUPPORT = 1.5  # farther from every point than a cell and this many of its spacings is outside the bodies
 FLAT = 1e-9  # a triangle of less than this share of a cell's square is none
 CELLS_OF_REACH = 4.0  # within so many cells of a notch's end a path begins at the end
-WIDTH_OF_FOURTH_ORDER = 5.0  # in units of l0, where across a notch c rises above the threshold, γ_θ up to about 6
+# By order, in units of l0: nearer than this to a notch of history c may be below the threshold by the notch itself, at
+# order 2 up to 2.4 without a load and 3.1 at the peak, at order 4 for γ_θ up to about 6
+WIDTH_OF_HISTORY = {2: 4.0, 4: 5.0}
+TORN_WIDTH_OF_HISTORY = {2: 2.0, 4: 0.0}  # the same below the threshold of running cracks; at order 4 cells alone tell
 EQUAL_SHARE = 0.2  # of the largest piece's area: pieces above it are rivals, the one nearest the start wins
 
 
@@ -57,20 +60,36 @@ def crack_path(fields: Fields, case: Case) -> Array:
 
 
 def trace_case_crack(points: ArrayLike, phase_field: ArrayLike, case: Case) -> CrackPath:
-    """``trace_crack`` with the cell size and, where there is one notch, the start that the case states."""
-    start, notch, reach = None, None, None
-    if len(case.all_notches) == 1:
-        only = case.all_notches[0]
-        start = np.asarray(only.end, dtype=float)
-        notch = np.array([only.start, only.end], dtype=float) if only.kind == "history" else None
-        reach = max(CELLS_OF_REACH * case.mesh.h, _width_of_fourth_order(case)) if notch is not None else None
-    return trace_crack(points, phase_field, case.mesh.h, start=start, notch=notch, reach=reach)
+    """``trace_crack`` with the cell size, the start where there is one notch, and the notches of history.
+
+    Of several notches of history the crack is that from the end of one of them, the longest.
+    """
+    notches = case.all_notches
+    drawn = [notch for notch in notches if notch.kind == "history"]
+    if not drawn:
+        start = np.asarray(notches[0].end, dtype=float) if len(notches) == 1 else None
+        return trace_crack(points, phase_field, case.mesh.h, start=start)
+    lines = np.array([[notch.start, notch.end] for notch in drawn], dtype=float)
+    reach = reach_of_history(case, lines)
+    found = [trace_crack(points, phase_field, case.mesh.h, start=end, notch=lines, reach=reach) for end in lines[:, 1]]
+    return max(zip(found, lines[:, 1], strict=True), key=lambda one: _rank(one[0], one[1]))[0]
 
 
-def _width_of_fourth_order(case: Case) -> float:
-    """How far from a history notch a phase field of fourth order is taken for the notch's own; 0 without one."""
-    fractures = [material.fracture for material in case.materials.values() if material.fracture]
-    return WIDTH_OF_FOURTH_ORDER * max((f.length_scale for f in fractures if f.order == 4), default=0.0)
+def _rank(crack: CrackPath, start: Array) -> tuple[bool, float]:
+    """Whether a crack begins at its start, and its length."""
+    return len(crack.points) > 0 and bool((crack.points[0] == start).all()), path_length(crack.points)
+
+
+def reach_of_history(case: Case, notches: Array, widths: dict[int, float] = WIDTH_OF_HISTORY) -> float:
+    """How far from notches of history (n, 2, 2) the phase field is taken for their own [length].
+
+    widths : in units of l0, by the order of the phase field.
+    """
+    bodies = list(case.bodies.values())
+    broken = {bodies[number].material for number in case.inside(notches.reshape(-1, 2)) if number >= 0}
+    fractures = [case.materials[name].fracture for name in broken]
+    of_field = max((widths[f.order] * f.length_scale for f in fractures if f), default=0.0)
+    return max(CELLS_OF_REACH * case.mesh.h, of_field)
 
 
 def trace_crack(
@@ -91,7 +110,8 @@ def trace_crack(
     start : (2,) point where the crack starts, the end of a notch: the path begins exactly there when it
         passes within ``reach`` (four cells if not given). Without it the path starts at its end of smaller x
         (smaller y for equal x).
-    notch : (2, 2) mouth and end of a notch that is itself part of the phase field, which is not traced.
+    notch : (2, 2) mouth and end of a notch that is itself part of the phase field, or (n, 2, 2) of several, which are not
+        traced; what does not leave them by more than ``reach`` is no crack.
 
     The tip is where the field along the ridge has risen half-way from the crack's median to the threshold. A
     crack that runs through a body ends with its outermost points, up to a cell short of the edge. Of a
@@ -111,7 +131,9 @@ def trace_crack(
     core = skeleton.nodes[_without_hooks(path, skeleton.half_width[path])]
     polyline = _refine(core, field, h, half_width, threshold)
     polyline = _begin_at(polyline, start, reach)
-    return CrackPath(polyline, branches, 2 + branches) if len(polyline) > 1 else NO_CRACK
+    if len(polyline) < 2 or (notch is not None and _near(polyline, notch, reach).all()):
+        return NO_CRACK
+    return CrackPath(polyline, branches, 2 + branches)
 
 
 def trace_tree(
@@ -122,13 +144,14 @@ def trace_tree(
     start: ArrayLike | None,
     notch: ArrayLike | None,
     shortest: float,
+    reach: float | None = None,
 ) -> list[Array]:
     """Polylines (k, 2) from the start of a branched crack to each of its ends along its skeleton, the longest first.
 
     Arguments as for ``trace_crack``; branches that leave the others by less than ``shortest`` half widths are bulges.
     """
     start = None if start is None else np.asarray(start, dtype=float)
-    reach = CELLS_OF_REACH * h
+    reach = CELLS_OF_REACH * h if reach is None else reach
     found = _skeleton_of(points, phase_field, h, threshold, start, notch, reach)
     if found is None:
         return []
@@ -158,7 +181,7 @@ def _skeleton_of(
     field, raster = _rasterise(points, phase_field, broken, h)
     mask = raster.values < threshold
     if notch is not None:
-        mask &= ~_beside(raster.positions(), np.asarray(notch, dtype=float), reach).reshape(mask.shape)
+        mask &= ~_near(raster.positions(), notch, reach, beside=True).reshape(mask.shape)
     mask = _main_piece(mask, raster, start)
     return (_Skeleton(mask, raster), field) if mask.any() else None
 
@@ -258,12 +281,15 @@ def _spacing(tree: cKDTree, points: Array) -> Array:
     return np.asarray(distance)[:, 0]
 
 
-def _beside(positions: Array, notch: Array, width: float) -> Mask:
-    """Positions beside the notch (mouth, end), within a width of it and not past its end."""
-    axis = notch[1] - notch[0]
-    along = (positions - notch[0]) @ axis / (axis @ axis)
-    foot = notch[0] + np.clip(along, 0.0, 1.0)[:, None] * axis
-    return (along < 1.0) & (np.linalg.norm(positions - foot, axis=1) <= width)
+def _near(positions: Array, notches: ArrayLike, width: float, *, beside: bool = False) -> Mask:
+    """Positions within a width of one of the notches (mouth, end); beside : and not past its end."""
+    found = np.zeros(len(positions), dtype=bool)
+    for mouth, end in np.asarray(notches, dtype=float).reshape(-1, 2, 2):
+        axis = end - mouth
+        along = (positions - mouth) @ axis / (axis @ axis)
+        foot = mouth + np.clip(along, 0.0, 1.0)[:, None] * axis
+        found |= (np.linalg.norm(positions - foot, axis=1) <= width) & ((along < 1.0) | (not beside))
+    return found
 
 
 def _main_piece(mask: Mask, raster: _Raster, start: Array | None) -> Mask:

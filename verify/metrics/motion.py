@@ -121,6 +121,8 @@ def momentum_drift(run: RunData) -> float:
     own = sum(np.hypot(*start) for start in starts)
     most = np.sqrt(2.0 * _mass(run.case) * history_column(run, "E_kin")[0])
     own = own if own > _ROUND_OFF * most else most
+    if not own:
+        raise MetricError(f"{run_name(run)}: its bodies begin at rest, with no momentum to keep; give one a velocity")
     x, y = history_column(run, "momentum_x"), history_column(run, "momentum_y")
     return float(np.hypot(x - x[0], y - y[0]).max() / own)
 

@@ -11,7 +11,7 @@ from physics.broken import BROKEN
 from physics.waves import rayleigh_speed
 from verify.metrics import crack_front
 from verify.metrics.crack_front import Branch
-from verify.metrics.crack_path import path_angle
+from verify.metrics.crack_path import TORN_WIDTH_OF_HISTORY, path_angle, reach_of_history
 from verify.metrics.curves import Array
 from verify.metrics.metric import DIRECTION, MetricError, metric, require_stored, run_name
 
@@ -55,7 +55,8 @@ def branches_of(run: RunData, until: float = np.inf) -> list[Branch]:
     there = broken_at <= until
     phase_field = np.where(there | np.isinf(until), data["phase_field"], 1.0)
     when = np.where(there, broken_at, np.nan)
-    return crack_front.branches(_plane(data), phase_field, when, run.case.mesh.h, start, notch, BROKEN)
+    reach = None if notch is None else reach_of_history(run.case, notch, TORN_WIDTH_OF_HISTORY)
+    return crack_front.branches(_plane(data), phase_field, when, run.case.mesh.h, start, notch, BROKEN, reach)
 
 
 def _notch(case: Case) -> tuple[Array | None, Array | None]:
