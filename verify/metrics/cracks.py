@@ -42,14 +42,20 @@ def _require_path_given(run: RunData) -> None:
 
 @metric("length", "length of the crack path")
 def crack_length(run: RunData) -> float:
-    """Length of the crack path, 0 where nothing broke."""
+    """Length of the crack path, 0 where nothing broke.
+
+    Notches are no part of it; a line on which a constraint holds the phase field broken is.
+    """
     _require_path_given(run)
     return paths.path_length(np.asarray(run.crack_path, dtype=float).reshape(-1, 2))
 
 
 @metric("degree", "overall direction of the crack path", period=LINE)
 def crack_angle(run: RunData) -> float:
-    """Degrees from the x axis, -180 to 180, from start to tip; compared as a line, which has no sense."""
+    """Degrees from the x axis, -180 to 180, from start to tip; compared as a line, which has no sense.
+
+    Notches are no part of it; a line on which a constraint holds the phase field broken is.
+    """
     return paths.path_angle(_crack(run))
 
 
