@@ -196,7 +196,8 @@ class Grid:
         cells = [axis.locate(positions[:, d]) for d, axis in enumerate(self.axes)]
         for d, axis in enumerate(self.axes):
             if ((cells[d] < 0) | (cells[d] >= axis.n_cells)).any():
-                raise LostPointsError("material points have left the grid; enlarge mpm.margin")
+                remedy = "enlarge mpm.margin, or keep bodies at rest on their first places with mpm.move_points = false"
+                raise LostPointsError(f"material points have left the grid; {remedy}")
         for slit, side in zip(self.slits, sides.of_lines, strict=True):
             line = self.line_of(slit)
             across = cells[slit.normal]

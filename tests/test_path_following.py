@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cases import case_from_tables
 from fem_reference import FiniteElements
 from mpm import MaterialPoints
 from numerics.quasi_static import increments
@@ -53,3 +54,31 @@ def test_a_path_that_ends_while_the_fracture_energy_leads_comes_to_its_end(path,
     followed = path("fem", "dissipation", end)
     assert followed[-1].status == "broken_through" or followed[-1].u == end
     assert max(step.u for step in followed) <= end
+
+
+PULLED = {
+    "title": "Plate that a traction tears", "requirement": "The limit load is that of any control.",
+    "units": {"length": "mm", "force": "kN"}, "plane": {"assumption": "strain"},
+    "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}},
+    "notches": [{"kind": "slit", "start": [0, 0.5], "end": [0.5, 0.5]}],
+    "constraints": [{"on": "bottom", "direction": axis, "value": 0} for axis in "xy"],
+    "tractions": [{"on": "top", "value": [0, 1.0], "ramp": "load"}],
+    "mesh": {"h": 0.05}, "runs": {"fem": {"solver": "fem"}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("functional", ["AT1", "AT2"])
+def test_a_traction_is_followed_from_its_limit_load_until_the_body_is_torn(functional):
+    """An advance that finds no equilibrium is shortened; the load leads up to the limit, in its smallest increments."""
+    fracture = {"toughness": 0.0027, "length_scale": 0.05, "split": "none", "functional": functional}
+    limits, torn = [], 0.0
+    for control in ("displacement", "dissipation"):
+        load = {"path": [0.0, 1.0], "increment": 0.05, "control": control}
+        materials = {"steel": {"young": 210.0, "poisson": 0.3, "fracture": fracture}}
+        case = case_from_tables({**PULLED, "materials": materials, "load": load}, tier="standard", run="fem")
+        followed = list(increments(FiniteElements(case), case))
+        assert followed[-1].status == "broken_through"
+        limits.append(max(step.u for step in followed))
+        torn = followed[-1].fracture_energy
+    assert limits[1] == pytest.approx(limits[0], abs=2 * 0.05 / 64)
+    assert torn > 0.9 * 0.0027 * 0.5
