@@ -122,8 +122,8 @@ class Load(Table):
         convergence, because nothing breaks there
     adaptive : False for constant increments
     control : what an increment prescribes where the crack would advance further than `largest_advance`: the load still,
-        shortened, or in the end the fracture energy of that advance or less, so that a path on which the load falls back is
-        followed
+        shortened, or in the end the fracture energy of that advance or less, so that a path on which the load falls back
+        is followed
     largest_advance : of the crack in one increment, in multiples of l0; beyond it the increment is undone and
         shortened, down to `smallest`
     stop_when_broken : end when |F| falls under `broken_fraction` of its peak

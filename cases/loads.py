@@ -117,8 +117,8 @@ class Eigenstrain(Acting):
     Attributes
     ----------
     on : name of a body; all of them without
-    temperature : change that expands the material by its `expansion` alike in all directions [kelvin]; the energy that the
-        stress out of the plane then stores in plane strain is left out and drives no crack
+    temperature : change that expands the material by its `expansion` alike in all directions [kelvin]; the energy that
+        the stress out of the plane then stores in plane strain is left out and drives no crack
     value : the tensor [[xx, xy], [xy, yy]]; in plane strain it has no component out of the plane
     """
 
