@@ -507,7 +507,8 @@ def coverage_command(
 
     rows = [row for row in coverage(_selected(cases, "standard"), out) if source.lower() in row.source.lower()]
     if not rows:
-        raise typer.BadParameter("there is no printed number of that source; leave --source out to see all")
+        said = f"of a source with {source!r} in its name; leave --source out to see all" if source else "in these cases"
+        raise typer.BadParameter(f"there is no printed number {said}")
     shown = Table("case", "quantity", "run", "tier", "printed", "ours", "off", "limit")
     for row in rows:
         off = "" if row.share is None else f"{100 * row.share:.2g} %"

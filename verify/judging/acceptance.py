@@ -63,6 +63,8 @@ def accept(case: Case, reason: str, out: Path) -> list[BaselineRow]:
     if not rows and not main_runs(case):
         said = f"no check of tier {case.tier!r} is against the baseline or printed and every run is one of a sweep"
         raise JudgeError(f"{case.source}: {said}; nothing to accept.")
+    if all(found.run is None for found in judge.runs.values()):
+        raise JudgeError(f"{out}: no run of {case.name} is there in tier {case.tier!r}; do it with `verify run` first.")
     keep_main_runs(case, judge)
     if rows:
         absent = {key_of(check, case) for check in everything

@@ -19,6 +19,7 @@ import json
 import re
 from collections.abc import Iterator
 from html import escape
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -257,6 +258,9 @@ class RunFolder:
 
     def _stored(self, u: float | None) -> pd.Series:
         """The row of the snapshot of ``u``, within the longest increment or time between two records."""
+        if u is not None and not isinstance(u, Real):
+            remedy = "give a number, or None for the last state"
+            raise RunFolderError(f"run {self.info['run']}: {u!r} is no load or time; {remedy}.")
         found, near = self._nearest(u), np.abs(np.diff(self.history["u"])).max(initial=0.0)
         if u is not None and not abs(found["u"] - u) <= max(near, 1e-9 * abs(u)):
             kept = ", ".join(f"{stored:.6g}" for stored in self.index["u"])

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -142,10 +143,12 @@ def run(
 
     Raises
     ------
-    CaseError : bad case. WriteError : the folder cannot be written. InterruptedRunError : stopped.
+    CaseError : bad case. UserError : another argument is none. WriteError : the folder cannot be written.
+    InterruptedRunError : stopped.
     A solver that fails raises nothing: the folder's status and reason tell, beside the last good state where there was
     a way back to it: of a run that blew up there are the snapshots before.
     """
+    _require_usable(run_name, out, listeners, threads)
     merged = case_for_run(case, run_name, tier)
     require_exact(merged)
     folder = case_folder(Path(out), merged, run_name)
@@ -156,6 +159,28 @@ def run(
     if SOLVERS[merged.run_spec(run_name).solver].table:
         return tabulate(merged, run_name, folder)
     return _compute(merged, run_name, folder, listeners, threads, resume)
+
+
+def _require_usable(run_name: object, out: object, listeners: object, threads: object) -> None:
+    """Raise UserError for an argument of `run` that is not what it should be."""
+    said = ""
+    if not isinstance(run_name, str):
+        said = f"run_name = {run_name!r} is no text; give the name of one of the case's runs, such as 'fem'"
+    elif not isinstance(out, str | Path):
+        said = f"out = {out!r} is no path; give a folder"
+    elif isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 1:
+        said = f"threads = {threads!r} is no number of threads; give 1 or more"
+    elif not isinstance(listeners, Sequence):
+        said = f"listeners = {listeners!r} is no list; give one of verify.runs.listeners.Listener each"
+    else:
+        asked = [name for name in vars(Listener) if not name.startswith("_")]
+        for listener in listeners:
+            if missing := [name for name in asked if not callable(getattr(listener, name, None))]:
+                remedy = "derive it from verify.runs.listeners.Listener"
+                said = f"the listener {listener!r} has no {', '.join(missing)}; {remedy}"
+                break
+    if said:
+        raise UserError(f"run: {said}.")
 
 
 def tabulate(case: Case, run_name: str, folder: Path) -> RunFolder:
