@@ -245,7 +245,8 @@ def test_a_result_that_does_not_unload_is_held_against_the_first_branch(square: 
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(0.5, "half model"), (1000.0, "unit"), (-1.0, "sign"), (1.2, "elastic part differs"), (1.0, "agrees")],
+    [(0.5, "half model"), (2.0, "write u = 2 * COLUMN"), (4.0, "leave it out"), (1000.0, "unit"), (-1.0, "sign"),
+     (1.2, "elastic part differs"), (1.0, "agrees")],
 )
 def test_the_elastic_part_tells_where_a_difference_comes_from(
     square: Case, tmp_path: Path, factor: float, said: str

@@ -409,7 +409,8 @@ def _remark(case: Case, ratio: float, name: str, excess: float) -> str:
     causes = {
         -1.0: "the sign of the force or of u is the other one; write for instance F = -COLUMN",
         0.5: "half a model looks so; write the word 'half model'",
-        2.0: "that of a whole model whose force was doubled looks so",
+        2.0: "a half that is cut across the load looks so, write u = 2 * COLUMN; or a whole whose force was doubled",
+        4.0: "'half model' of a half that is cut across the load looks so; leave it out and write u = 2 * COLUMN",
         1e3: "a force in a unit a thousand times smaller looks so, or a length; give the unit in brackets",
         1e-3: "a force in a unit a thousand times larger looks so, or a length; give the unit in brackets",
         1e6: "a unit a million times smaller looks so; give the unit in brackets",
