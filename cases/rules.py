@@ -30,6 +30,8 @@ _FAR = 1e-6
 _OVERLAP, _DEPTH = 1e-6, 0.1
 #: tables, or keys of them, that finite elements do not look at
 OF_POINTS = ("mpm", "contact", *(f"dynamics.{key}" for key in ("affine", "flip", "order_of_update", "rotation")))
+#: solvers of a block whose base stays where it is
+_NEVER_SLIDE = ("pendulum", "pendulum_linear")
 #: keys that explicit integration does not look at, with the value that says what it does, None where none does
 WITHOUT_EFFECT: dict[str, Any] = {
     "mesh.geometry": "initial",
@@ -365,6 +367,21 @@ def _rocking_is_of_a_block(case: CaseDescription) -> None:
     if case.dynamics.gravity[0] != 0.0 or case.dynamics.gravity[1] >= 0.0:
         remedy = "let it act along -y"
         raise BrokenRuleError("is not that of a block that rocks", remedy, "dynamics.gravity", case.dynamics.gravity)
+    slides = any(spec.solver not in _NEVER_SLIDE for spec in case.run_specs().values())
+    if ground and ground.direction == "x" and slides:
+        _rocks_before_it_slides(case, names)
+
+
+def _rocks_before_it_slides(case: CaseDescription, names: list[str]) -> None:
+    """Friction on the base carries the push that lifts the block on a ground that moves horizontally."""
+    assert case.rocking is not None
+    body, base = names.index(case.rocking.body), names.index(case.rocking.on or names[0])
+    width, height = np.subtract(*case.bodies[case.rocking.body].bounds()[::-1])
+    friction = case.friction(body, base)
+    if body != base and friction <= width / height:
+        text = f"lets {case.rocking.body} slide before it can rock"
+        remedy = f"make that of both bodies more than its width over its height, {width / height:.4g}"
+        raise BrokenRuleError(text, remedy, "contact.friction", friction)
 
 
 def _placement_has_a_mesh(case: CaseDescription) -> None:

@@ -55,10 +55,14 @@ def test_bodies_that_never_touch_meet_no_condition_of_contact(runs: dict[str, Ru
         METRICS["contact_violations"](runs["apart"])
 
 
-def test_bodies_at_rest_have_no_momentum_to_keep(runs: dict[str, RunFolder]) -> None:
+def test_bodies_at_rest_have_no_momentum_or_energy_to_keep(runs: dict[str, RunFolder]) -> None:
     assert METRICS["momentum_drift"](runs["meeting"]) < 1e-9
     with pytest.raises(MetricError, match="begin at rest, with no momentum to keep; give one a velocity"):
         METRICS["momentum_drift"](runs["apart"])
+    for metric, parameters in (("energy_left", {}), ("energy_drift", {"length": 4.0})):
+        assert METRICS[metric](runs["meeting"], **parameters) < 1.1
+        with pytest.raises(MetricError, match="begins without energy"):
+            METRICS[metric](runs["apart"], **parameters)
 
 
 def test_a_check_of_contact_without_any_fails(tmp_path: Path) -> None:

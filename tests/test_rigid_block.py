@@ -283,6 +283,17 @@ def test_what_cannot_rock_is_refused(tmp_path, change, said):
     assert said in str(refused.value)
 
 
+def test_a_block_that_slides_before_it_rocks_is_refused():
+    source = load_case("rocking_winkler", "quick").source
+    load_case(source, "quick", "winkler", {"contact": {"friction": 0.26}})
+    with pytest.raises(CaseError, match=r"contact.friction' = 0.25 lets block slide .* over its height, 0\.2554\."):
+        load_case(source, "quick", "winkler", {"contact": {"friction": 0.25}})
+    pair = {"contact": {"pairs": [{"bodies": ["ground", "block"], "friction": 0.1}]}}
+    with pytest.raises(CaseError, match=r"contact.friction' = 0.1 lets block slide"):
+        load_case(source, "quick", "winkler", pair)
+    case_of(source.parent, contact={"friction": 0.0})  # a pendulum does not slide
+
+
 @pytest.mark.parametrize("name", ["pendulum", "linear"])
 @pytest.mark.parametrize(
     ("change", "said"),

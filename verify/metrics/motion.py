@@ -74,6 +74,8 @@ def half_width_error(run: RunData) -> float:
 def energy_drift(run: RunData, *, length: float) -> float:
     """Trend of the energy while a wave crosses `length`, over the energy at the start."""
     times, total = history_column(run, "time"), energy(run)
+    if not total[0]:
+        raise MetricError(f"{run_name(run)}: begins without energy, whose trend has no size; give a body a velocity")
     slope = np.polyfit(times, total, 1)[0]
     return float(abs(slope) * length / pressure_wave_speed(run.case) / total[0])
 
@@ -82,6 +84,8 @@ def energy_drift(run: RunData, *, length: float) -> float:
 def energy_left(run: RunData) -> float:
     """Energy at the end over that at the start."""
     total = energy(run)
+    if not total[0]:
+        raise MetricError(f"{run_name(run)}: begins without energy, of which none can be left; give a body a velocity")
     return float(total[-1] / total[0])
 
 
