@@ -127,6 +127,27 @@ def test_a_file_that_holds_nothing_is_one_sentence(name: str, text: str, case: C
         read_states(fields(tmp_path / name), case)
 
 
+@pytest.mark.parametrize("move", ["mirrored", "shifted", "half", "wider"])
+def test_a_mesh_that_is_not_where_the_bodies_are_is_refused(move: str, case: Case, tmp_path: Path) -> None:
+    """Half a model, and one with more around it, are where the bodies are."""
+    mesh = plate(case)
+    (_, width), (low, high) = mesh.bounds[:2], mesh.bounds[2:4]
+    if move == "mirrored":
+        mesh.points[:, 0] = -mesh.points[:, 0]
+    elif move == "shifted":
+        mesh.points[:, 1] -= 0.5 * (high - low)
+    elif move == "half":
+        mesh = mesh.extract_cells(mesh.cell_centers().points[:, 1] > 0.5 * (low + high))
+    else:
+        mesh.points[:, 0] = 1.5 * mesh.points[:, 0] - 0.25 * width
+    file = saved(mesh, tmp_path / "moved.vtu")
+    if move in ("half", "wider"):
+        assert len(read_states(fields(file), case)) == 1
+        return
+    with pytest.raises(ImportedError, match="its mesh spans .*; move it to where they are"):
+        read_states(fields(file), case)
+
+
 def test_arrays_are_told_in_one_line() -> None:
     assert parse_arrays("damage = d, cut = z = 0.5") == {"damage": "d", "cut": "z = 0.5"}
     for wrong in ("damage", "velocity = V", "damage = a, damage = b", "damage ="):

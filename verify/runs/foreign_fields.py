@@ -32,6 +32,8 @@ USUAL_NAMES = {
 _SLACK = 0.1
 #: a mesh this many times larger or smaller than the bodies is one of another unit
 _OTHER_UNIT = 3.0
+#: share of its width and height that a mesh has in common with the bodies of a case at rest
+_COMMON = 0.75
 #: part of the extent by which a plane mesh may leave its plane
 _FLATNESS = 1e-6
 _PLANE_CELL = 2
@@ -225,10 +227,16 @@ class _Reading:
         mine, bodies = (points.min(axis=0), points.max(axis=0)), self.case.bounding_box()
         ratio = np.abs(np.log(np.ptp(points, axis=0) / np.subtract(bodies[1], bodies[0])))
         apart = np.any(mine[0] > bodies[1]) or np.any(mine[1] < bodies[0])
-        if apart or not (ratio <= np.log(_OTHER_UNIT)).all():
+        common = np.minimum(mine[1], bodies[1]) - np.maximum(mine[0], bodies[0])
+        smaller = np.minimum(np.ptp(points, axis=0), np.subtract(bodies[1], bodies[0]))
+        # moving bodies may have been drawn where they are
+        elsewhere = self.case.dynamics is None and bool(np.any(common < _COMMON * smaller))
+        other_size = not (ratio <= np.log(_OTHER_UNIT)).all()
+        if apart or other_size or elsewhere:
             spans = [", ".join(f"{a:g} to {b:g}" for a, b in zip(*box, strict=True)) for box in (mine, bodies)]
             said = f"its mesh spans {spans[0]} in x and y, the bodies of the case {spans[1]} {self.case.units.length}"
-            raise self._error(f'{said}; give the unit of its lengths, such as unit = "m", or the right file')
+            unit = 'give the unit of its lengths, such as unit = "m", or the right file'
+            raise self._error(f"{said}; {'move it to where they are' if elsewhere and not other_size else unit}")
 
     def _in_plane(self, arrays: dict[str, NDArray], axes: list[int], count: int) -> dict[str, NDArray]:
         """The arrays with the components of the plane, c for d, and displacements in the unit of the case."""
