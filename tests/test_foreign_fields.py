@@ -144,7 +144,7 @@ def test_a_mesh_that_is_not_where_the_bodies_are_is_refused(move: str, case: Cas
     if move in ("half", "wider"):
         assert len(read_states(fields(file), case)) == 1
         return
-    with pytest.raises(ImportedError, match="its mesh spans .*; move it to where they are"):
+    with pytest.raises(ImportedError, match=r"its mesh spans .*; move it to where they are"):
         read_states(fields(file), case)
 
 
