@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
 
-from .staggered import EQUILIBRIUM_SHARE, QuasiStaticDiscretisation, StepOutcome, remaining_distance, updated_history
+from .linear_solvers import LinearSolverError
+from .staggered import (
+    EQUILIBRIUM_SHARE,
+    NewtonError,
+    QuasiStaticDiscretisation,
+    StepOutcome,
+    remaining_distance,
+    updated_history,
+)
 
 #: the fracture energy meets its target within this share of the increment of it
 ENERGY_SHARE = 1e-5
@@ -15,6 +26,30 @@ ENERGY_SHARE = 1e-5
 LARGEST_FACTOR = 1.5
 #: evaluations of the phase field to find the load's factor
 EVALUATIONS = 8
+#: shares of the largest advance that are tried in turn
+ADVANCES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125)
+
+
+def longest_dissipation_step(
+    discretisation: QuasiStaticDiscretisation, case: Case, load: float, advance: float, refused: Callable[[float], str]
+) -> tuple[StepOutcome, float]:
+    """As `dissipation_step`, by the largest share of an advance that finds an equilibrium; undone where none does.
+
+    refused : what speaks against the state at a load.
+    """
+    costs = discretisation.costs
+    for share in ADVANCES:
+        costs.count["dissipation_increments"] += 1
+        try:
+            outcome, reached = dissipation_step(discretisation, case, load, share * advance)
+        except (NewtonError, LinearSolverError) as error:
+            outcome, reached = StepOutcome("stalled", discretisation.history_field, 0, str(error)), load
+        outcome = replace(outcome, reason=refused(reached) or outcome.reason)
+        if not outcome.reason:
+            break
+        discretisation.undo()
+        costs.count["undone_increments"] += 1
+    return outcome, reached
 
 
 def dissipation_step(

@@ -29,7 +29,7 @@ from .conjugates import (
 )
 from .costs import OutOfTimeError
 from .linear_solvers import LinearSolverError
-from .path_following import dissipation_step
+from .path_following import longest_dissipation_step
 from .quasi_newton import CoupledDiscretisation, quasi_newton_step
 from .refinement import FollowingDiscretisation
 from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, energy_of_advance, staggered_step
@@ -44,8 +44,6 @@ SHRINKING = 0.25
 #: while nothing is broken, the phase field falls ever faster towards a limit load: an increment in which it fell by
 #: more than this halves the next one
 LARGEST_FALL = 0.05
-#: shares of the largest advance that an increment of the fracture energy tries in turn
-ADVANCES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125)
 #: why an increment is undone although it was solved
 TOO_FAR = "crack advances too far"
 #: why the iterations of an increment end that is accepted nevertheless
@@ -290,11 +288,9 @@ class _LoadPath:
     def _advance_by_dissipation(self, target: float) -> Increment:
         """An increment of the fracture energy, whatever the load does; the load leads again once it rises freely."""
         start = self.load
-        for share in ADVANCES:
-            outcome, load = self._dissipate(start, share * self.limits.energy)
-            if not outcome.reason:
-                break
-            self._undo()
+        outcome, load = longest_dissipation_step(
+            self.discretisation, self.case, start, self.limits.energy, lambda u: GIVES_WAY if self._gives_way(u) else ""
+        )
         if not outcome.reason and self._refine():
             return self._advance_by_dissipation(target)
         rise = (load - start) * np.sign(target - start)
@@ -308,15 +304,6 @@ class _LoadPath:
             return self._advance(target)
         self.done = max(self.done, abs(load - self.case.load.path[0]))
         return self._accept(load, outcome)
-
-    def _dissipate(self, start: float, advance: float) -> tuple[StepOutcome, float]:
-        """Outcome of an increment of the fracture energy from a load, and the load to which it leads."""
-        self.discretisation.costs.count["dissipation_increments"] += 1
-        try:
-            outcome, load = dissipation_step(self.discretisation, self.case, start, advance)
-        except (NewtonError, LinearSolverError) as error:
-            outcome, load = StepOutcome("stalled", self.discretisation.history_field, 0, str(error)), start
-        return (replace(outcome, reason=GIVES_WAY) if self._gives_way(load) else outcome), load
 
     def _refine(self) -> bool:
         """Whether the crack has left the fine cells: then there are more, and the last good state is on them."""
