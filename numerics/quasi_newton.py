@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cases import Case
 
 from .displacement_equations import DisplacementEquations
+from .linear_solvers import LinearSolverError
 from .newton import search
 from .phase_field_equation import PhaseFieldEquation
 from .staggered import (
@@ -144,7 +145,7 @@ def _before_it_runs(
     discretisation.undo()
     try:
         outcome = staggered_step(discretisation, case, load, lambda n: RUNS_AWAY if runs_away() else give_up(n))
-    except NewtonError:
+    except (NewtonError, LinearSolverError):
         return None
     if outcome.verdict != "converged" or runs_away():
         return None

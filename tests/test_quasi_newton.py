@@ -7,7 +7,7 @@ from test_increments import COARSE, SOLVERS, march, notched
 
 from cases import CaseError
 from numerics.costs import Costs
-from numerics.linear_solvers import linear_solver
+from numerics.linear_solvers import LinearSolverError, linear_solver
 from numerics.quasi_newton import CoupledEquations
 from numerics.quasi_static import _LoadPath as LoadPath
 from numerics.quasi_static import increments
@@ -174,3 +174,14 @@ def test_forces_out_of_balance_do_not_end_a_run(variant, monkeypatch):
     whole = [[step.u for step in steps if step.c_min > RUN_THROUGH] for steps in (followed, as_it_is)]
     assert whole[0] == whole[1]
     assert followed[-1].fracture_energy == pytest.approx(as_it_is[-1].fracture_energy, rel=0.05)
+
+
+def test_a_matrix_that_only_the_staggered_scheme_cannot_solve_leaves_the_quasi_newton_result(variant, monkeypatch):
+    def fails(*_):
+        raise LinearSolverError("singular")
+
+    as_it_is, _ = march(plate(variant, "fem", "bfgs"))
+    monkeypatch.setattr("numerics.quasi_newton.staggered_step", fails)
+    followed, _ = march(plate(variant, "fem", "bfgs"))
+    assert [step.u for step in followed] == [step.u for step in as_it_is]
+    assert followed[-1].c_min < RUN_THROUGH
