@@ -40,6 +40,7 @@ def in_common(one, other, judged):
     return np.array(shared), len(wanted)
 
 
+# the plate breaks through in one increment of some twenty, in which the staggered scheme is asked
 @pytest.mark.parametrize(
     ("made", "judged", "factorisations"), [(plate, lambda step: step.c_min > RUN_THROUGH, 8), (panel, lambda _: True, 5)]
 )
