@@ -95,13 +95,13 @@ class ContactState(NamedTuple):
     first_column: int
 
 
-@njit
+@njit(cache=True)
 def _side(bodies, n):
     nodes = group(VELOCITIES, bodies.arrays, n)
     return ContactSide(group(SUMS, bodies.arrays, n).m, nodes, n, bodies.whole[n, KIND] == KEPT)
 
 
-@njit
+@njit(cache=True)
 def _rigid_side(bodies, n, h):
     nodes, centre = group(VELOCITIES, bodies.arrays, n), np.empty(2)
     for part in range(2):
@@ -159,7 +159,7 @@ def _detect(k, bodies, pairs, h, by_distance):
     return found
 
 
-@njit
+@njit(cache=True)
 def _own_nodes(pairs, body):
     """The nodes that a body shares with any other, in its window."""
     total = 0
@@ -176,7 +176,7 @@ def _own_nodes(pairs, body):
 # ---------------------------------------------------------------- impulses
 
 
-@njit
+@njit(cache=True)
 def meet_pair(bodies, pairs, n, step, contact):
     """Correct the nodes' velocities by contact forces (Eqs. 6.28 to 6.40) of two bodies that are not free and rigid."""
     count, touching = pairs.counts[n], group(TOUCHING, pairs.arrays, n)
@@ -185,7 +185,7 @@ def meet_pair(bodies, pairs, n, step, contact):
         meet(first, second, touching, count, step, pairs.friction[n], bodies.kept_velocities, contact.sums)
 
 
-@njit
+@njit(cache=True)
 def count_pair(bodies, pairs, n, contact):
     """Count what two bodies that are not free and rigid have done to each other in the step."""
     count, touching = pairs.counts[n], group(TOUCHING, pairs.arrays, n)
@@ -203,7 +203,7 @@ def _load_floor(bodies, pairs, n, touching, contact):
         load_floor(touching, pairs.counts[n], first, bodies.whole[one, WIDTH], contact.floor_load)
 
 
-@njit
+@njit(cache=True)
 def exchange(bodies, pairs, h, step, sweeps, contact):
     """The same of all pairs, some of them with free rigid bodies."""
     touching = 0
@@ -229,7 +229,7 @@ def exchange(bodies, pairs, h, step, sweeps, contact):
             _finish(bodies, pairs, n, h, step, sweeps, contact)
 
 
-@njit
+@njit(cache=True)
 def _finish(bodies, pairs, n, h, step, sweeps, contact):
     """Count what a pair has done, and check it once more where others may have pushed it together again."""
     one, two = pairs.whole[n, BODIES], pairs.whole[n, BODIES + 1]

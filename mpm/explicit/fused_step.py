@@ -82,7 +82,7 @@ class Scheme(NamedTuple):
 # ---------------------------------------------------------------- nodes
 
 
-@njit
+@njit(cache=True)
 def find_trial_velocities(bodies, body, step, gravity_x, gravity_y, damping):
     """Velocities of a body or its nodes without contact after the step."""
     kind = bodies.whole[body, KIND]
@@ -103,7 +103,7 @@ def find_trial_velocities(bodies, body, step, gravity_x, gravity_y, damping):
             velocities.vy[node] = bodies.kept_velocities[body, 1]
 
 
-@njit
+@njit(cache=True)
 def momentum_to_velocities(bodies, body):
     """Velocities of the nodes from their momenta (MUSL)."""
     (m, fields), velocities = group(SUMS, bodies.arrays, body), group(VELOCITIES, bodies.arrays, body)
@@ -113,7 +113,7 @@ def momentum_to_velocities(bodies, body):
         velocities.last_x[node], velocities.last_y[node] = velocities.vx[node], velocities.vy[node]
 
 
-@njit
+@njit(cache=True)
 def hold_lines(order, bodies, lines, driven, now, impulses):
     """Prescribe velocities and add the impulses that it takes; the first line that has lost its body, or `NO_LINE`."""
     for n in range(len(lines.whole)):
@@ -132,7 +132,7 @@ def hold_lines(order, bodies, lines, driven, now, impulses):
     return NO_LINE
 
 
-@njit
+@njit(cache=True)
 def carried_by(bodies, body, moved):
     """What a body carries over the step: ``Carried`` as six numbers, written to ``moved`` (6,)."""
     if bodies.whole[body, KIND] != FREE:
@@ -147,7 +147,7 @@ def carried_by(bodies, body, moved):
     moved[5] = mass * (now[0] * before[0]) + mass * (now[1] * before[1]) + inertia * (now[2] * before[2])
 
 
-@njit
+@njit(cache=True)
 def count_work(bodies, accelerates, step, acceleration, damping, impulses, velocities, work):
     """Outer work and power of lines, damping and frame, and work on nodes (3,); lets the middle of each body go with its
     mean velocity."""
@@ -182,7 +182,7 @@ def count_work(bodies, accelerates, step, acceleration, damping, impulses, veloc
 # ---------------------------------------------------------------- points
 
 
-@njit
+@njit(cache=True)
 def move_rigid(bodies, scheme, body, step):
     """New places of a body that does not deform."""
     motion, numbers = group(MOTION, bodies.arrays, body), bodies.numbers[body]
@@ -206,7 +206,7 @@ def move_rigid(bodies, scheme, body, step):
     numbers[FAR] += step / scheme.h * numbers[SPEED]
 
 
-@njit
+@njit(cache=True)
 def is_sorted(bodies, h, step):
     """No point can leave the cells around that in which it was sorted in this step."""
     for body in range(len(bodies.whole)):
