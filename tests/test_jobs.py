@@ -8,7 +8,8 @@ from pathlib import Path
 import fake_solver
 import pytest
 
-from verify.runs.jobs import Job, outcomes
+from cases.loader import LIBRARY
+from verify.runs.jobs import Job, Waiting, outcomes
 from verify.runs.run_folder import RunFolder
 from verify.runs.running import run
 
@@ -32,3 +33,16 @@ def test_a_process_that_is_killed_fails_its_own_run_only(tmp_path: Path, monkeyp
     assert [outcome.title for outcome in told.values() if outcome.failed] == [killed.title]
     line = told[killed.title].line
     assert "its process ended before it" in line and f"{killed.folder()}: go on behind its last checkpoint" in line
+
+
+def test_processes_go_on_with_what_they_have_compiled(tmp_path: Path) -> None:
+    moving, still = (
+        [Job(LIBRARY / name / "case.toml", name, run, "quick", tmp_path, 1) for run in ("fem", "mpm")]
+        for name in ("plate_impact", "sen_tension")
+    )
+    waiting, (one, other) = Waiting([*moving, *still, moving[0]]), (object(), object())
+    assert waiting.next_for(one) == moving[0]
+    assert waiting.next_for(other) == still[0], "what is next has the kernels that the first one compiles"
+    assert waiting.next_for(other) == still[1]
+    assert waiting.next_for(other) == moving[1], "where none of its own is left, the next one"
+    assert waiting.next_for(one) == moving[0]

@@ -109,25 +109,52 @@ def outcomes(todo: list[Job], jobs: int, cluster: str | None = None) -> Iterator
         yield from map(do, todo)
         return
     free: SimpleQueue[_Process] = SimpleQueue()
-    processes = [_Process() for _ in range(jobs)]
+    processes, waiting = [_Process() for _ in range(jobs)], Waiting(todo)
     for process in processes:
         free.put(process)
 
-    def in_a_process(job: Job) -> Outcome:
+    def in_a_process() -> Outcome:
         process = free.get()
         try:
-            return process.do(job)
+            return process.do(waiting.next_for(process))
         finally:
             free.put(process)
 
     slots = ThreadPoolExecutor(jobs)
     try:
-        for future in as_completed([slots.submit(in_a_process, job) for job in todo]):
+        for future in as_completed([slots.submit(in_a_process) for _ in todo]):
             yield future.result()
     finally:
         slots.shutdown(cancel_futures=True)
         for process in processes:
             process.end()
+
+
+class Waiting:
+    """Jobs in their order, but that a process goes on with what it has kernels for, quasi-static runs or moving ones, and
+    begins with what no other one compiles."""
+
+    def __init__(self, todo: list[Job]) -> None:
+        self._todo = [(job, _moves(job)) for job in todo]
+        self._last: dict[object, bool] = {}
+        self._lock = threading.Lock()
+
+    def next_for(self, process: object) -> Job:
+        """The job that a process does next."""
+        with self._lock:
+            last, others = self._last.get(process), [moves for one, moves in self._last.items() if one is not process]
+            job, moves = min(self._todo, key=lambda waiting: (waiting[1] != last, waiting[1] in others))
+            self._todo.remove((job, moves))
+            self._last[process] = moves
+        return job
+
+
+def _moves(job: Job) -> bool:
+    """Whether it is a moving run; one that cannot be read, which its outcome will tell, is none."""
+    try:
+        return job.case().dynamics is not None
+    except CaseError:
+        return False
 
 
 class _Process:
