@@ -68,10 +68,9 @@ charts: .venv/installed ## chart accuracy and map failure of CASE= at TIER=, and
 	$(BIN)/verify compare $(CASE) --tier $(TIER) --out $(OUT) --jobs $(JOBS); \
 	$(BIN)/verify report --out $(OUT) --jobs $(JOBS)
 
-# Small cases first, whose two processes compile other kernels each, then the library: at a time, processes would compile
-# the same. Of a run that fails the tests tell.
+# The library first, whose two processes compile other kernels each: those of the tests would compile the same. Of a run
+# that fails the tests tell.
 test: .venv/developed ## run the tests
-	$(BIN)/verify run tests/attack/tiny/*.toml --tier quick --jobs 2 --out build/compiled
 	-$(BIN)/verify run --tier quick --jobs 2 --out build/library
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20
 
