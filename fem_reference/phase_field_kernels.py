@@ -100,10 +100,18 @@ def fourth_order_systems(basis, forms, volume, terms, nodal, local, out_of_balan
     n_unknowns, wanted = unknowns.shape[1], local.shape[0] > 0
     for e in prange(unknowns.shape[0]):
         rest, at = out_of_balance[e], value[kind[e]]
-        of_gradients = diffusion[e] * slopes[kind[e]] + bending[e] * bends[kind[e]]
-        _subtract_product(of_gradients, nodal, unknowns[e], rest)
-        if wanted:
-            local[e] = of_gradients
+        rest[:] = 0.0
+        slope, bend, entry = diffusion[e], bending[e], 0
+        for a in range(n_unknowns):
+            own = nodal[unknowns[e, a]]
+            for b in range(a, n_unknowns):
+                of_gradients = slope * slopes[kind[e], entry] + bend * bends[kind[e], entry]
+                rest[a] -= of_gradients * nodal[unknowns[e, b]]
+                if b > a:
+                    rest[b] -= of_gradients * own
+                if wanted:
+                    local[e, entry] = of_gradients
+                entry += 1
         for q in range(volume.shape[1]):
             c = 0.0
             for a in range(n_unknowns):
@@ -115,21 +123,6 @@ def fourth_order_systems(basis, forms, volume, terms, nodal, local, out_of_balan
                 for b in range(a, n_unknowns if wanted else a):
                     local[e, entry] += weight * at[q, a] * at[q, b]
                     entry += 1
-
-
-@njit(forceinline=True)
-def _subtract_product(matrix, nodal, unknowns, rest):
-    """The product of a packed upper half with an element's unknowns, with its sign turned, into ``rest`` (k,)."""
-    rest[:] = 0.0
-    entry = 0
-    for a in range(rest.size):
-        own = nodal[unknowns[a]]
-        rest[a] -= matrix[entry] * own
-        entry += 1
-        for b in range(a + 1, rest.size):
-            rest[a] -= matrix[entry] * nodal[unknowns[b]]
-            rest[b] -= matrix[entry] * own
-            entry += 1
 
 
 @njit(cache=True, parallel=True)

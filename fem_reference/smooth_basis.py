@@ -78,7 +78,7 @@ class SmoothBasis:
         volumes (n_elements, n_gauss)."""
         upper = np.triu_indices(self.value.shape[2])
         slopes, bends = (
-            np.einsum("eqai,eqbi,eq->eab", parts, parts, volume[self._first])[:, *upper]
+            np.ascontiguousarray(np.einsum("eqai,eqbi,eq->eab", parts, parts, volume[self._first])[:, *upper])
             for parts in (self.slope, self.curvature)
         )
         return slopes, bends
