@@ -240,7 +240,10 @@ def _go_on(step, direction, product, scale, solution, residual, scaled):
 def _solve_rows(neighbours, values, diagonal, right_side, pull, allowed, solution):
     n = solution.size
     starts, away = _stretches(neighbours)
-    margin = max(0, np.where(away == NOWHERE, 0, np.abs(away)).max())
+    margin = 0
+    for far in away.reshape(-1):
+        if far != NOWHERE:
+            margin = max(margin, abs(far))
     entries = _entries(neighbours, values)
     padded, product = np.zeros(n + 2 * margin + SPARE), np.empty(n)
     direction = padded[margin : margin + n]
