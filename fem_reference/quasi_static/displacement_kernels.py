@@ -51,20 +51,23 @@ def internal_forces(slope, dilation, volume, gradient, degradation, law, body, f
     """Element forces (n_el, 2k), stress (n_el, n_gauss, 3) and psi_plus, psi_minus (n_el, n_gauss, 2)."""
     even = dilation.shape[0] > 0
     for e in prange(slope.shape[0]):
-        force[e, :] = 0.0
         for q in range(slope.shape[1]):
             shear = gradient[e, q, 1] + gradient[e, q, 2]
             r = body_response(law, body[e], degradation[e, q], gradient[e, q, 0], gradient[e, q, 3], shear)
             stress[e, q, 0], stress[e, q, 1], stress[e, q, 2] = r.sxx, r.syy, r.sxy
             psi[e, q, 0], psi[e, q, 1] = r.psi_plus, r.psi_minus
-            for a in range(slope.shape[2]):
+        for a in range(slope.shape[2]):
+            fx = fy = 0.0
+            for q in range(slope.shape[1]):
+                sxx, syy, sxy = stress[e, q, 0], stress[e, q, 1], stress[e, q, 2]
                 nx, ny = slope[e, q, a, 0] * volume[e, q], slope[e, q, a, 1] * volume[e, q]
-                force[e, 2 * a] += nx * r.sxx + ny * r.sxy
-                force[e, 2 * a + 1] += ny * r.syy + nx * r.sxy
+                fx += nx * sxx + ny * sxy
+                fy += ny * syy + nx * sxy
                 if even:
-                    pressure = (r.sxx + r.syy) * volume[e, q]
-                    force[e, 2 * a] += dilation[e, q, a, 0] * pressure
-                    force[e, 2 * a + 1] += dilation[e, q, a, 1] * pressure
+                    pressure = (sxx + syy) * volume[e, q]
+                    fx += dilation[e, q, a, 0] * pressure
+                    fy += dilation[e, q, a, 1] * pressure
+            force[e, 2 * a], force[e, 2 * a + 1] = fx, fy
 
 
 @njit(cache=True, parallel=True)
