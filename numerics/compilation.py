@@ -1,11 +1,15 @@
 """How long numba compiles, or loads what it has compiled before, so that a clock can leave it out."""
 
+import os
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import wraps
+from typing import Any
 
 from numba.core import event
+from numba.core.caching import Cache
 
 
 @dataclass
@@ -42,3 +46,24 @@ def compilation() -> Iterator[Compilation]:
     spent = Compilation()
     with event.install_listener("numba:compiler_lock", _Listener(spent)):
         yield spent
+
+
+def compile_without_cache_where_it_fails() -> None:
+    """Kernels that a full disk does not take, or whose kept files are cut, are compiled again and end no run."""
+    for name in ("load_overload", "save_overload"):
+        method = getattr(Cache, name)
+        if not hasattr(method, "__wrapped__"):
+            setattr(Cache, name, _none_where_it_fails(method))
+
+
+def _none_where_it_fails(method: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(method)
+    def tried(cache: Cache, signature: object, given: object) -> Any:
+        try:
+            return method(cache, signature, given)
+        except Exception:  # in foreign bytes pickle and LLVM fail in a dozen ways
+            with suppress(OSError):  # it would name a file that is cut or another kernel's; a full disk takes no new one
+                os.unlink(cache._cache_file._index_path)  # type: ignore[attr-defined]
+            return None
+
+    return tried

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cases.solvers import SOLVERS
+from verify.runs.atomic import write_text
 from verify.runs.run_folder import file_checksum
 
 from .interactive import Curves, Line
@@ -104,7 +105,7 @@ def write(folder: Path, key: str, groups: Sequence[Sequence[Drawing | Film]]) ->
     """Keep the figures that lie in a folder under a key, none without one."""
     if key and folder.is_dir():
         kept = {"key": key, "groups": [[asdict(each) for each in group] for group in groups], "files": _checksums(folder)}
-        (folder / KEPT_FILE).write_text(json.dumps(kept), encoding="utf-8")
+        write_text(folder / KEPT_FILE, json.dumps(kept))
 
 
 def _checksums(folder: Path) -> dict[str, str]:

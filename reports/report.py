@@ -18,7 +18,7 @@ from markupsafe import Markup, escape
 from cases import UserError
 from cases.loader import reading_once
 from verify.judging import coverage
-from verify.runs.atomic import NO_ROOM
+from verify.runs.atomic import NO_ROOM, write_text
 from verify.runs.processes import fresh_processes
 
 from . import (  # isort: skip
@@ -121,7 +121,7 @@ def write_report(out: Path, jobs: int = 1) -> Path:
         summary=summary, pages=pages, environment=_computed_with(pages), printed=printed, studies=studies,
         sentence=words.overview_sentence(summary["cases"]), root="",
     )  # fmt: skip
-    file.write_text(index, encoding="utf-8")
+    write_text(file, index)
     return file
 
 
@@ -143,7 +143,7 @@ def _write_printed(summary: Mapping[str, Any], out: Path) -> str:
         return ""
     sentence = coverage.coverage_sentence(rows)
     page = _environment().get_template("printed.html").render(rows=rows, sentence=sentence, root="")
-    (out / "printed.html").write_text(page, encoding="utf-8")
+    write_text(out / "printed.html", page)
     return sentence
 
 
@@ -163,7 +163,7 @@ def _write_studies(summary: Mapping[str, Any], out: Path, pages: Sequence[Mappin
     page = _environment().get_template("studies.html").render(
         **shown, sentence=sentence, pages={page["name"]: page["page"] for page in pages}, root=""
     )
-    (out / "studies.html").write_text(page, encoding="utf-8")
+    write_text(out / "studies.html", page)
     return sentence
 
 
@@ -212,8 +212,7 @@ def _write_case_page(results: CaseResults, summary: Mapping[str, Any], out: Path
         runs=tables.run_rows(results), notices=_notices(results), readme=readme_html(results),
     )  # fmt: skip
     file = out / "pages" / f"{name}.html"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(page, encoding="utf-8")
+    write_text(file, page)
     return _overview_row(results, f"pages/{name}.html")
 
 

@@ -18,6 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, LogLocator
 from PIL import Image
 
+from verify.runs.atomic import write_file, write_text
+
 from .remembering import remembered_layout
 
 if TYPE_CHECKING:
@@ -105,10 +107,9 @@ def drawing_style() -> Iterator[None]:
 def save(figure: Figure, folder: Path, name: str) -> str:
     """Write ``folder/name.svg`` without date or program version; return the file's name."""
     file = folder / f"{name}.svg"
-    folder.mkdir(parents=True, exist_ok=True)
     with remembered_layout():
-        box = _lay_out(figure)
-        figure.savefig(file, bbox_inches=box, dpi=RASTER_DPI, metadata={"Date": None, "Creator": None})
+        box, metadata = _lay_out(figure), {"Date": None, "Creator": None}
+        write_file(file, lambda path: figure.savefig(path, bbox_inches=box, dpi=RASTER_DPI, metadata=metadata))
     return file.name
 
 
@@ -146,16 +147,14 @@ class Pictures:
         self._canvas.restore_region(self._still)
         for artist in self._changing:
             artist.draw(self._canvas.get_renderer())
-        folder.mkdir(parents=True, exist_ok=True)
         picture = Image.fromarray(np.asarray(self._canvas.buffer_rgba())).convert("RGB")
-        picture.save(folder / f"{name}.png", compress_level=PICTURE_COMPRESSION)
+        write_file(folder / f"{name}.png", lambda path: picture.save(path, compress_level=PICTURE_COMPRESSION))
         return f"{name}.png"
 
 
 def save_data(table: pd.DataFrame, folder: Path, name: str) -> str:
     """Write the numbers behind a figure as ``folder/name.csv``; return the file's name."""
-    folder.mkdir(parents=True, exist_ok=True)
-    table.to_csv(folder / f"{name}.csv", index=False, float_format="%.10g")
+    write_text(folder / f"{name}.csv", table.to_csv(index=False, float_format="%.10g", lineterminator="\n"))
     return f"{name}.csv"
 
 

@@ -1,17 +1,20 @@
 """Compilation is timed apart, and kept for as long as the code is the same."""
 
 import os
+import runpy
 import shutil
 import time
 from pathlib import Path
 
 import numba
 import numpy as np
+import pytest
 from numba import njit
+from numba.core.caching import IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
 
 from mpm.explicit.stresses import elastic_stress
-from numerics.compilation import compilation
+from numerics.compilation import compilation, compile_without_cache_where_it_fails
 from physics import kernel_cache
 from physics.kernel_cache import fingerprint
 
@@ -78,3 +81,30 @@ def test_loading_what_was_compiled_before_is_counted_as_compiling() -> None:
     with compilation() as spent, global_compiler_lock:
         time.sleep(0.02)
     assert spent.wall >= 0.02
+
+
+@pytest.mark.parametrize("damage", ["cut kernel", "cut index", "full disk"])
+def test_a_kept_kernel_that_cannot_be_read_or_written_is_compiled_again(tmp_path, monkeypatch, damage) -> None:
+    module = tmp_path / "doubling.py"
+    module.write_text("from numba import njit\n\n\n@njit(cache=True)\ndef double(x): return 2 * x\n", encoding="utf-8")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kept"))
+    compile_without_cache_where_it_fails()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    def double(x: float) -> float:
+        return runpy.run_path(str(module))["double"](x)
+
+    assert double(1.0) == 2.0
+    if damage == "full disk":
+        monkeypatch.setattr(IndexDataCacheFile, "_dump", full)
+        assert double(3) == 6
+        monkeypatch.undo()
+        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kept"))
+    else:
+        for file in (tmp_path / "kept").rglob("*.nbc" if damage == "cut kernel" else "*.nbi"):
+            os.truncate(file, 100 if damage == "cut kernel" else 0)
+        assert double(1.0) == 2.0
+    assert double(1.0) == 2.0
+    assert [file.stat().st_size > 100 for file in (tmp_path / "kept").rglob("*.nb[ic]")].count(True) >= 2

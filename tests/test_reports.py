@@ -30,6 +30,7 @@ from reports.results import CaseResults, method_of
 from reports.tables import check_groups
 from reports.words import key_number, number, percent, section_words, verdict_sentence
 from verify.judging.summary import reproduce_command
+from verify.runs.atomic import WriteError
 
 
 @pytest.fixture(scope="module")
@@ -324,6 +325,22 @@ def test_a_disk_that_fills_up_ends_the_report_and_spoils_no_figure(copied: Path,
     monkeypatch.setattr("reports.report.SECTIONS", (("Forces", full),))
     with pytest.raises(OSError, match="quota"):
         write_report(copied)
+
+
+def test_a_disk_that_fills_up_under_a_page_or_figure_leaves_the_old_one(
+    copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def half(self: Path, text: str, **_: Any) -> None:
+        with self.open("w", encoding="utf-8") as file:
+            file.write(text[:100])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    before = write_report(copied).read_bytes()
+    monkeypatch.setattr(Path, "write_text", half)
+    with pytest.raises(WriteError, match="disk is full"):
+        write_report(copied)
+    assert (copied / "index.html").read_bytes() == before
+    assert not [file for file in copied.rglob("*.html") if file.stat().st_size <= 100]
 
 
 def test_a_solver_that_nobody_registered_is_shown_under_its_name(copied: Path) -> None:

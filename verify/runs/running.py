@@ -51,8 +51,10 @@ def _builder(solver: Solver) -> Callable[[Case], ObservedDiscretisation]:
     """What makes a solver's discretisation of a case, or one whose fine cells follow the crack."""
 
     def build(case: Case) -> ObservedDiscretisation:
+        from numerics.compilation import compile_without_cache_where_it_fails
         from numerics.refinement import FollowingDiscretisation
 
+        compile_without_cache_where_it_fails()
         module, name = _home(solver, case)
         made_by = getattr(import_module(module), name)
         return FollowingDiscretisation(made_by, case) if case.mesh.follow_crack else made_by(case)
