@@ -486,3 +486,27 @@ def test_moving_elements_that_turn_are_told(spin, tripped, tmp_path):
     found = examined(case, tmp_path, "fem")
     assert found["turned"] == pytest.approx(0.2 * spin, rel=0.01)
     assert ("turned" in beyond(found)) == tripped
+
+
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+@pytest.mark.parametrize(
+    ("functional", "staggered", "increment", "tripped"),
+    [
+        ("AT1", {}, 4e-4, {"missed_peak"}),
+        ("AT1", {}, 1e-4, set()),
+        ("AT2", {"scheme": "passes"}, 5e-4, {"lagging_crack"}),
+        ("AT2", {"scheme": "passes"}, 5e-5, set()),
+        ("AT2", {}, 5e-4, set()),
+    ],
+)
+def test_a_peak_between_increments_or_behind_which_the_crack_lags(
+    solver, functional, staggered, increment, tripped, tmp_path
+):
+    """AT1 tells nothing before it breaks, here at u = 0.0049; passes let the load go on before the crack rests."""
+    fracture = {**BREAKABLE["steel"]["fracture"], "functional": functional}
+    case = {
+        **BAR, "materials": {"steel": {**BREAKABLE["steel"], "fracture": fracture}}, "staggered": staggered,
+        "load": {"path": [0.0, 0.009], "increment": increment},
+    }  # fmt: skip
+    found = examined(case_from_tables(case, run=solver), tmp_path, solver)
+    assert beyond(found) & {"missed_peak", "lagging_crack"} == tripped, found
