@@ -81,6 +81,15 @@ def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) 
     assert done.checkpoint.state["u"] == 0.01
 
 
+def test_a_run_is_read_from_another_working_directory(
+    case_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(case_file, "fem", "quick", "out")
+    monkeypatch.chdir("/")
+    assert len(done.history) > 1 and done.grid().n_points > 0 and done.checkpoint.record.step > 0
+
+
 def test_fields_are_written_where_asked_and_at_the_end(case_file: Path, tmp_path: Path) -> None:
     done = run(case_file, "fem", "quick", tmp_path)
     snapshots = list(done.snapshots())

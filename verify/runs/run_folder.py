@@ -157,6 +157,7 @@ class RunFolder:
             raise RunFolderError(self._why_missing())
         if self.folder.name.endswith(".partial"):
             raise RunFolderError(f"{self.folder}: this run is not finished; let it finish or run it again.")
+        self._place = self.folder.absolute()  # files are read when asked for, wherever the reader has gone by then
         self.info: dict[str, Any] = self._read_info()
 
     def _why_missing(self) -> str:
@@ -188,7 +189,7 @@ class RunFolder:
 
     def _checked(self, file: str) -> Path:
         """A file of the folder that is what the run has written."""
-        path = self.folder / file
+        path = self._place / file
         try:
             found = file_checksum(path)
         except OSError as error:
@@ -313,7 +314,7 @@ class RunFolder:
     def checkpoint(self) -> Checkpoint:
         """The last good state."""
         try:
-            return Checkpoint.read(self.folder / CHECKPOINT_FILE)
+            return Checkpoint.read(self._place / CHECKPOINT_FILE)
         except CheckpointError as error:
             raise self._damaged(CHECKPOINT_FILE, str(error)) from error
 
