@@ -93,7 +93,7 @@ def made_up_case(h, notches=()):
     body = SimpleNamespace(shape=Shape(rectangle={"lower": (-5.0, -5.0), "upper": (5.0, 5.0)}))
     return SimpleNamespace(
         name="made up", plane=SimpleNamespace(thickness=THICKNESS), mesh=SimpleNamespace(h=h), bodies={"plate": body},
-        notches=notches, all_notches=notches, tractions=(),
+        notches=notches, all_notches=notches, tractions=(), body_forces=(), dynamics=None,
     )  # fmt: skip
 
 

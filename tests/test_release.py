@@ -94,3 +94,34 @@ def test_pressure_on_the_faces_releases_what_tension_far_away_does(plate):
 def test_a_box_that_is_not_filled_or_holds_two_tips_is_refused(plate, way, boxes, said):
     with pytest.raises(MetricError, match=said):
         METRICS["energy_release_rate"](plate(way), **TIP, **boxes)
+
+
+WEIGHED = """
+title = "Crack in a plate that hangs"
+requirement = "Its own weight releases energy."
+units = { length = "mm", force = "N" }
+plane = { assumption = "strain", thickness = 1.0 }
+materials.m = { young = 1000.0, poisson = 0.3 }
+bodies.plate = { material = "m", shape = { rectangle = { lower = [0, 0], upper = [1, 1] } } }
+notches = [{ kind = "slit", start = [0, 0.5], end = [LENGTH, 0.5] }]
+constraints = [{ on = "top", direction = "x", value = 0 }, { on = "top", direction = "y", value = 0 }]
+body_forces = [{ value = [0.0, -1.0], ramp = "load" }]
+load = { path = [0.0, 1.0], increment = 1.0 }
+output.snapshots = [1.0]
+mesh.h = 0.02
+runs.fem = { solver = "fem" }
+"""
+
+
+def test_body_forces_count_in_any_box(tmp_path):
+    """At a fixed load J is the growth of the elastic energy over that of the crack."""
+
+    def hanging(length: float):
+        file = tmp_path / f"plate_{length:g}.toml"
+        file.write_text(WEIGHED.replace("LENGTH", str(length)))
+        return run(file, "fem", out=tmp_path, threads=1)
+
+    energies = [hanging(length).history["E_el"].iloc[-1] for length in (0.38, 0.42)]
+    for inner, outer in ((0.05, 0.15), (0.1, 0.25), (0.25, 0.39)):
+        found = METRICS["energy_release_rate"](hanging(0.4), inner=inner, outer=outer)
+        assert found == pytest.approx(np.diff(energies)[0] / 0.04, rel=0.03)

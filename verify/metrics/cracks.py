@@ -101,7 +101,9 @@ def energy_release_rate(
     run: RunData, *, inner: float, outer: float, tip: Sequence[float] | None = None,
     direction: Sequence[float] | None = None, share: float = 1 / 3,
 ) -> float:  # fmt: skip
-    """Mean of J over the last share of the snapshots, around the crack's tip in each of them; pressure on faces counts.
+    """Mean of J over the last share of the snapshots, around the crack's tip in each of them, of bodies at rest.
+
+    Pressure on faces and body forces count.
 
     inner, outer : half sizes of the boxes of ``verify.metrics.energy_release``. tip : where the crack does not grow;
     otherwise the tip is traced, and where nothing broke it is the end of the only notch. direction : in which the crack
@@ -111,7 +113,22 @@ def energy_release_rate(
     if not snapshots:
         raise NotGivenError(f"{run_name(run)}: has no snapshots; name some in output.snapshots")
     last = snapshots[-math.ceil(share * len(snapshots)) :]
+    _require_rest(run, [step for _, step, _ in last])
     return float(np.mean([_release_rate(u, points, run.case, inner, outer, tip, direction) for u, _, points in last]))
+
+
+#: kinetic energy over the elastic one from which on inertia has a part in a release rate
+_MOVING = 0.01
+
+
+def _require_rest(run: RunData, steps: Sequence[int]) -> None:
+    if not run.case.dynamics:
+        return
+    rows = run.history[run.history["step"].isin(steps)]
+    moving = float((rows["E_kin"] / rows["E_el"]).max())
+    if moving > _MOVING:
+        said = f"the kinetic energy is {moving:.2g} of the elastic one, and inertia has no part in the integral"
+        raise MetricError(f"{run_name(run)}: {said}; ask for energies, or for a body that has come to rest")
 
 
 def _release_rate(

@@ -15,7 +15,8 @@ of the crack must be parallel to e where they cross the area. Tractions t on the
 
     - int_faces t_i u_i,k e_k q ds
 
-(Shih, Moran & Nakamura 1986, doi 10.1007/BF00034019).
+(Shih, Moran & Nakamura 1986, doi 10.1007/BF00034019), and so do forces b per volume over the area. Nothing here tells
+of inertia.
 """
 
 from __future__ import annotations
@@ -66,10 +67,10 @@ def release_rate_of_faces(
     offset: ArrayLike, length: ArrayLike, traction: ArrayLike, gradient: ArrayLike, inner: float, outer: float,
     direction: ArrayLike,
 ) -> float:  # fmt: skip
-    """What tractions on the faces add to the energy release rate [force / length].
+    """What tractions on the faces, or forces per volume, add to the energy release rate [force / length].
 
-    offset : (n, 2) from the tip to places on the faces. length : (n,) of the face that each stands for.
-    traction : (n, 2) [stress]. gradient : (n, 4), inner, outer, direction as for `energy_release_rate`.
+    offset : (n, 2) from the tip to places on the faces. length : (n,) of the face, or area, that each stands for.
+    traction : (n, 2) [stress, or force / volume]. gradient : (n, 4), and the rest, as for `energy_release_rate`.
     """
     slope = np.asarray(gradient, dtype=float).reshape(-1, 2, 2) @ (np.asarray(direction) / np.linalg.norm(direction))
     weight = np.prod(_fall(np.asarray(offset, dtype=float), inner, outer)[0], axis=1)

@@ -1,4 +1,4 @@
-"""The energy release rate of a crack of a case: what its bodies and the tractions on its faces give."""
+"""The energy release rate of a crack of a case: what its bodies, forces on them and tractions on its faces give."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FILLED = 0.9
 def release_rate(
     data: Mapping[str, NDArray], case: Case, load: float, tip: ArrayLike, direction: ArrayLike, inner: float, outer: float
 ) -> float:
-    """Energy release rate J around a tip (2,), with what tractions on the faces of slits add [force / length].
+    """Energy release rate J around a tip (2,), with what body forces and tractions on slits add [force / length].
 
     data : fields of the points of a snapshot. load : its load parameter. direction, inner, outer : as of
         `verify.metrics.energy_release`.
@@ -39,6 +39,8 @@ def release_rate(
         points, volume, case.plane.thickness, np.asarray(data["stress"]), gradient, np.asarray(data["energy_density"]),
         tip, inner, outer, direction,
     )  # fmt: skip
+    if case.body_forces or case.dynamics:
+        rate += _of_body_forces(case, load, data, points - np.asarray(tip, dtype=float), direction, inner, outer)
     if not case.tractions:
         return rate
     slits = (notch for notch in case.all_notches if notch.kind == "slit")
@@ -61,6 +63,22 @@ def _require_box(case: Case, tip: NDArray, outer: float) -> None:
         if at_tip.any() and box.contains(other) and bodies.contains(other):
             said = f"{place} the box of outer = {outer:g} holds the other end of the slit too"
             raise MetricError(f"case {case.name}: {said}; make it smaller than the slit is long")
+
+
+def _of_body_forces(
+    case: Case, load: float, data: Mapping[str, NDArray], offset: NDArray,
+    direction: ArrayLike, inner: float, outer: float,
+) -> float:  # fmt: skip
+    """What forces per volume add at points by their offset (n, 2) from the tip, as tractions do on faces."""
+    from physics.acting import body_forces  # judging does without compiled laws
+
+    if case.dynamics:
+        densities = [case.materials[body.material].density or 0.0 for body in case.bodies.values()]
+        acting = np.outer(densities, case.dynamics.gravity)
+    else:
+        acting = body_forces(case).at(load)
+    force, area = acting[np.asarray(data["body"], dtype=int)], np.asarray(data["volume"]) / case.plane.thickness
+    return release_rate_of_faces(offset, area, force, data["gradient"], inner, outer, direction)
 
 
 def _of_faces(
