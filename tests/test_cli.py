@@ -1,6 +1,7 @@
 """The command line: exit codes, one sentence for a mistake, nothing computed twice."""
 
 import json
+import tempfile
 from pathlib import Path
 
 import fake_solver
@@ -321,6 +322,14 @@ def test_a_mistake_of_the_program_is_no_verdict(
     file.unlink()
     assert verify("--debug", "plan", case) == 5
     assert "Traceback" in capsys.readouterr().err
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "NamedTemporaryFile", full)
+    assert verify("plan", case) == 5
+    said = capsys.readouterr().err
+    assert "Traceback" in said and said.strip().splitlines()[-1].startswith("Internal error: ZeroDivisionError")
 
 
 def test_plan_prints_sizes_before_anything_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -463,6 +463,37 @@ def test_fields_that_a_check_is_taken_from_are_in_the_archive(square: Case, tmp_
     assert found.verdict == found.summary["cases"][0]["verdict"]
 
 
+@pytest.mark.parametrize("fills", ["copy", "zip", "extraction"])
+def test_a_disk_that_fills_up_under_an_archive_is_one_sentence(
+    square: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fills: str
+) -> None:
+    read_back(square, tmp_path)
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    if fills == "copy":
+        monkeypatch.setattr(shutil, "copytree", lambda *_, **__: _gathered(full))
+    elif fills == "zip":
+        monkeypatch.setattr(zipfile.ZipFile, "write", full)
+    else:
+        monkeypatch.setattr(zipfile.ZipFile, "open", full)
+    with pytest.raises(WriteError, match="disk is full"):
+        if fills == "extraction":
+            read_archive(tmp_path / "square-quick.zip", tmp_path / "elsewhere")
+        else:
+            write_archive(square, tmp_path / "made", tmp_path / "again.zip", fields=True)
+    assert not (tmp_path / "again.zip").exists()
+
+
+def _gathered(write: Callable[[], None]) -> None:
+    """As shutil.copytree tells the errors of its files."""
+    try:
+        write()
+    except OSError as error:
+        raise shutil.Error([("from", "to", str(error))]) from None
+
+
 def test_a_changed_archive_is_refused(square: Case, tmp_path: Path) -> None:
     read_back(square, tmp_path)
     with zipfile.ZipFile(tmp_path / "square-quick.zip") as archive:

@@ -8,6 +8,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -795,13 +796,14 @@ def _reason(error: OSError) -> str:
 def _internal(error: Exception, arguments: list[str] | None) -> int:
     """A mistake of the program, which is no verdict: one sentence, and the traceback for whoever mends it."""
     what = " ".join(f"{type(error).__name__}: {error}".split())
-    if DEBUG in (sys.argv[1:] if arguments is None else arguments):
-        traceback.print_exception(error)
-        return _say(f"Internal error: {what}; please report it with the traceback above.", INTERNAL_ERROR)
-    with tempfile.NamedTemporaryFile("w", prefix="verify-", suffix=".txt", delete=False, encoding="utf-8") as file:
-        traceback.print_exception(error, file=file)
-    remedy = f"please report it where you have the program from, with {file.name}"
-    return _say(f"Internal error: {what}; {remedy} (`verify {DEBUG} ...` shows it here).", INTERNAL_ERROR)
+    if DEBUG not in (sys.argv[1:] if arguments is None else arguments):
+        with suppress(OSError):  # a disk that takes nothing has it shown here
+            with tempfile.NamedTemporaryFile("w", prefix="verify-", suffix=".txt", delete=False, encoding="utf8") as file:
+                traceback.print_exception(error, file=file)
+            remedy = f"please report it where you have the program from, with {file.name}"
+            return _say(f"Internal error: {what}; {remedy} (`verify {DEBUG} ...` shows it here).", INTERNAL_ERROR)
+    traceback.print_exception(error)
+    return _say(f"Internal error: {what}; please report it with the traceback above.", INTERNAL_ERROR)
 
 
 def _say(sentence: str, code: int) -> int:

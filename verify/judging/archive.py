@@ -26,7 +26,7 @@ from cases.judging import TIERS
 from verify.judging.judge import find_runs, judge_case
 from verify.judging.summary import summarise, write_summary
 from verify.judging.views import Json
-from verify.runs.atomic import replace_folder, write_file
+from verify.runs.atomic import replace_folder, write_file, writing
 from verify.runs.checkpoint import CHECKPOINT_FILE
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolder, run_path
@@ -65,7 +65,7 @@ def write_archive(case: Case, out: Path, file: Path, fields: bool = False, licen
     finished = {name: state.run for name, state in find_runs(case, out).items() if state.run is not None}
     if not finished:
         raise ArchiveError(f"{out / 'runs' / case.name / case.tier}: holds no finished run; do them with `verify run`.")
-    with tempfile.TemporaryDirectory() as place:
+    with writing(file), tempfile.TemporaryDirectory(dir=_made(file.parent)) as place:
         root = Path(place)
         moved = load_case(write_copy(case, root / "cases"), case.tier)
         for name, run in finished.items():
@@ -147,7 +147,7 @@ def read_archive(file: Path, out: Path) -> Imported:
     ------
     ArchiveError : no such file, no archive of ours, or one that was changed.
     """
-    with _opened(file) as archive, tempfile.TemporaryDirectory(dir=_made(out)) as place:
+    with writing(out), _opened(file) as archive, tempfile.TemporaryDirectory(dir=_made(out)) as place:
         root = Path(place)
         _extract(file, archive, root)
         _require_unchanged(file, root)

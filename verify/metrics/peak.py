@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from verify.metrics.histories import missing_energy
 
 #: a force that falls below this share of what it was has no course that could be carried back
-_FALLEN = 0.9
+_FALLEN = 0.5
 #: rows of a history by which a course is carried on: a parabola, so that a smooth peak keeps its height
 _ROWS = 3
 #: places between two increments at which both courses are compared

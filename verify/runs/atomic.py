@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,9 +23,11 @@ class WriteError(UserError):
 
 
 def _sentence(error: OSError, path: Path) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+    told = re.search(r"\[Errno (\d+)\]", str(error))  # shutil gathers those of many files in one error without number
+    number = int(told[1]) if told and error.errno is None else error.errno
+    if number in (errno.ENOSPC, errno.EDQUOT):
         return f"{path}: the disk is full; free some space or choose another place with --out."
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+    if number in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"{path}: no permission to write here; choose another place with --out."
     return f"{path}: could not be written ({error.strerror or error}); check the place given with --out."
 
