@@ -23,7 +23,8 @@ class Fields:
     stress : (n, 3) xx, yy, xy.
     body : (n,) number of the body.
     broken_at : (n,) time at which a point of a moving body broke, NaN where it has not; None in statics.
-    grid_points : (m, 2); grid_cells : (k, 3 or 4) corners; grid_displacement : (m, 2); grid_phase_field : (m,).
+    grid_points : (m, 2); grid_cells : (k, 3 or 4) corners; grid_displacement : (m, 2), NaN on a grid that carries none;
+        grid_phase_field : (m,).
     """
 
     points: NDArray

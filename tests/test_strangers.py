@@ -13,7 +13,7 @@ from cases import Case, CaseError, case_from_tables
 from fem_reference.mesh.build import build_mesh
 from mpm.grid import Grid
 from verify.metrics.health import health, suspicions
-from verify.runs.running import DISCRETISATIONS, solver_records
+from verify.runs.running import DISCRETISATIONS, run, solver_records
 
 PLATE: dict[str, Any] = {
     "title": "Plate",
@@ -464,3 +464,13 @@ def test_a_phase_field_that_would_be_held_between_the_lines_of_a_grid_is_refused
     for solver in ("fem", "mpm"):
         with pytest.raises(CaseError, match=r"constraints\[3\]\.on = 'line': no node .* it would hold nothing"):
             DISCRETISATIONS[solver](plate(solver, **changes))
+
+
+@pytest.mark.parametrize("table", [PLATE, BEAM])
+def test_the_grid_of_material_points_shows_no_displacement_in_place_of_none_at_all(table, tmp_path):
+    """It is made anew for each increment; points and finite elements have moved."""
+    cases = {solver: case_from_tables(table, run=solver) for solver in ("fem", "mpm")}
+    done = {solver: run(case, solver, out=tmp_path, threads=1) for solver, case in cases.items()}
+    assert all(np.abs(each.points()["displacement"]).max() > 0.0 for each in done.values())
+    assert np.abs(done["fem"].grid()["displacement"]).max() > 0.0
+    assert "displacement" not in done["mpm"].grid().point_data

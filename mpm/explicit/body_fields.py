@@ -28,7 +28,7 @@ def fields_of(bodies: Sequence[MovingBody], cloud: PointCloud) -> Fields:
         body=cloud.body,
         grid_points=corners,
         grid_cells=cells,
-        grid_displacement=np.zeros_like(corners),
+        grid_displacement=np.full_like(corners, np.nan),
         grid_phase_field=phase_field,
     )
 

@@ -26,6 +26,6 @@ def fields_of(state: PointState, trial: TrialState, basis: PointBasis, energy_de
         body=basis.cloud.body,
         grid_points=corners,
         grid_cells=cells,
-        grid_displacement=np.zeros_like(corners),
+        grid_displacement=np.full_like(corners, np.nan),
         grid_phase_field=phase_field,
     )
