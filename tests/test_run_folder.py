@@ -411,9 +411,11 @@ def test_what_can_change_the_numbers_of_a_run_is_known() -> None:
     only_tell = {"atomic", "imported_error", "lock", "provenance", "run_folder", "sketch"}
     source = "".join((ROOT / module).read_text() for module in SOLVING_MODULES)
     used = set(re.findall(r"from verify\.runs\.(\w+) import", source)) - only_tell
-    assert {f"verify/runs/{name}.py" for name in used} | {"verify/runs/running.py", "verify/metrics/crack_path.py"} == {
-        *SOLVING_MODULES
-    }
+    health = (ROOT / "verify/metrics/health.py").read_text()
+    judging = {"crack_path", "health", *re.findall(r"from verify\.metrics\.(\w+) import", health)}
+    assert {f"verify/runs/{name}.py" for name in {*used, "running"}} | {
+        f"verify/metrics/{name}.py" for name in judging
+    } == {*SOLVING_MODULES}
 
 
 def test_an_unknown_status_is_refused(case_file: Path, tmp_path: Path) -> None:
