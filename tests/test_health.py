@@ -477,6 +477,18 @@ def test_a_gap_in_a_moving_body_that_its_grid_does_not_see_is_told(width, trippe
     assert ("bridged_gap" in beyond(examined(case, tmp_path, "mpm"))) == tripped
 
 
+@pytest.mark.parametrize(("path", "tripped"), [([0.0, -0.1], False), ([0.0, -0.2, -0.3], True)])
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_bodies_at_rest_that_meet_across_a_gap_are_told(solver, path, tripped, tmp_path):
+    blocks = {"lower": [0.0, 0.4], "upper": [0.6, 1.0]}
+    shapes = {name: {"rectangle": {"lower": [0, low], "upper": [1, high]}} for name, (low, high) in blocks.items()}
+    bodies = {name: {"material": "steel", "shape": shape} for name, shape in shapes.items()}
+    held = [{"on": on, "direction": "x", "value": 0} for on in ("bottom", "top")]
+    changes = {"bodies": bodies, "constraints": [PLATE["constraints"][0], PLATE["constraints"][2], *held]}
+    case = plate(solver, **changes, load={"path": path, "increment": 0.1})
+    assert ("met_across_gap" in beyond(examined(case, tmp_path, solver))) == tripped
+
+
 @pytest.mark.parametrize(("spin", "tripped"), [(0.2, False), (2.0, True)])
 def test_moving_elements_that_turn_are_told(spin, tripped, tmp_path):
     """Nodes go on along straight lines: the body grows by the square of its angle."""

@@ -22,6 +22,7 @@ from numerics.fields import Fields
 from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
 from verify.metrics.histories import largest_energy, missing_energy
 from verify.metrics.peak import lagging_crack, missed_peak
+from verify.metrics.meeting import meeting
 from verify.metrics.release import tractions_on_faces
 
 
@@ -114,6 +115,11 @@ INDICATORS = {
         "length in cells over which material points on both sides of a gap in or between bodies hang together",
         2.5, "2 at the bottom of a V-notch of 30 degrees, 5 to 9 % off; 4 in one of 20, 8 to 15 % off",
         'make mesh.h smaller, or draw a narrow notch with kind = "slit" or "cells" rather than in the shape',
+    ),
+    "met_across_gap": Indicator(
+        "length in cells of edges that have met others across a gap, where bodies at rest do not press on each other",
+        0.0, "elements go through each other at no force, material points hang together, pulled apart as well",
+        'load it less far, draw a gap that closes as kind = "slit", or give the table dynamics and solver = "mpm"',
     ),
     "turned": Indicator(
         "angle by which a body has turned whose strains are small ones on its first geometry [radians]",
@@ -223,7 +229,7 @@ def _of_fields(case: Case, fields: Fields, history: pd.DataFrame) -> dict[str, f
     if slits and loaded and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
     found |= _torn_notches(case, fields) if loaded and _rests(case, history) else {}
-    for indicators in (_locking, _resolution, _coarse_crack, _held_crack, _left_behind, _turned):
+    for indicators in (_locking, _resolution, _coarse_crack, _held_crack, _left_behind, _turned, meeting):
         found |= indicators(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
