@@ -24,6 +24,9 @@ MESH_SUFFIXES = (".msh", ".vtk", ".vtu", ".inp", ".bdf", ".mesh", ".xdmf", ".e",
 class Body(Table):
     """A body of one material: a shape, or a mesh file with coordinates in the units of the case.
 
+    At rest, bodies that touch hold together, and those apart go through each other where they meet; moving ones press on
+    each other and part.
+
     mesh : absolute path
     group : name of the group of the mesh's cells that the body is made of; all of them without
     rigid : does not deform in a dynamic run: true keeps its velocity whatever it meets, "free" moves and turns as

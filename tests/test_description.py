@@ -164,3 +164,17 @@ def test_a_third_method_is_a_package_and_a_registration(
 def test_a_description_stays_small() -> None:
     assert len(dataclasses.fields(description.Description)) <= 15
     assert len(dataclasses.fields(type(plan(load_case("sen_tension", "quick", "fem"), "fem")))) <= 15
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("bimaterial_strip", "hold together"), ("two_discs", "not joined"), ("sen_tension", None)]
+)
+def test_a_plan_says_what_bodies_do_to_each_other(name: str, said: str | None) -> None:
+    rows = dict(plan(load_case(name, "quick", "mpm"), "mpm").rows())
+    assert (said or "") in rows.get("between bodies", "") and ("between bodies" in rows) == bool(said)
+
+
+def test_a_plan_calls_increments_adaptive_where_they_are() -> None:
+    for name, adaptive in (("bimaterial_strip", False), ("sen_tension", True)):
+        rows = dict(plan(load_case(name, "quick", "fem"), "fem").rows())
+        assert ("adaptive" in rows["increments"]) == adaptive == rows["adaptive increments"].startswith("on")

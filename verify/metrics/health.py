@@ -114,7 +114,7 @@ INDICATORS = {
     "bridged_gap": Indicator(
         "length in cells over which material points on both sides of a gap in or between bodies hang together",
         2.5, "2 at the bottom of a V-notch of 30 degrees, 5 to 9 % off; 4 in one of 20, 8 to 15 % off",
-        'make mesh.h smaller, or draw a narrow notch with kind = "slit" or "cells" rather than in the shape',
+        'make mesh.h smaller or the gap wider; at rest a narrow notch may be drawn with kind = "slit" or "cells"',
     ),
     "met_across_gap": Indicator(
         "length in cells of edges that have met others across a gap, where bodies at rest do not press on each other",

@@ -73,6 +73,7 @@ class Plan:
         return [
             ("regime", _regime(case)),
             ("bodies", ", ".join(f"{name}: {_regime_of(case, body)}" for name, body in case.bodies.items())),
+            *(("between bodies", between) for between in [_between_bodies(case)] if between),
             ("solver", f"{case.run_spec(self.run).solver}: {said.basis}"),
             ("notch", ", ".join(NOTCHES[notch.kind] for notch in case.all_notches) or "none"),
             ("cells", f"{said.cells}; {said.fine}"),
@@ -89,7 +90,8 @@ class Plan:
         number = self.demand.increments
         if self.case.dynamics is not None:
             return f"{number} equal steps in time"
-        adapts = " or more, adaptive" if self.case.load.adaptive else ", constant"
+        adaptive = any(saving.used for saving in self.savings if saving.name == "adaptive increments")
+        adapts = " or more, adaptive" if adaptive else ", constant"
         iterations = f"about {round(self.cost.iterations)} staggered iterations in all"
         return f"{number}{adapts}, {iterations}, about as many Newton iterations"
 
@@ -200,6 +202,15 @@ def _regime(case: Case) -> str:
     if case.dynamics is not None:
         return "explicit in time"
     return "quasi-static, staggered" if case.fracture_enabled else "quasi-static, elastic"
+
+
+def _between_bodies(case: Case) -> str:
+    """What several bodies do to each other; nothing of a single one."""
+    if len(case.bodies) == 1:
+        return ""
+    if case.dynamics is None:
+        return "those that touch hold together, those apart go through each other where they meet"
+    return "contact with friction: they press on each other and part, those that touch are not joined"
 
 
 def _regime_of(case: Case, body: Body) -> str:
