@@ -112,6 +112,8 @@ def test_times_of_which_nothing_is_recorded_are_told(runs: dict[str, RunFolder])
         METRICS["fracture_energy_gain"](runs["brittle"], after=0.5)
     with pytest.raises(MetricError, match=r"records nothing from t = 0.6 to inf"):
         PAIR_METRICS["history_difference"](runs["apart"], runs["meeting"], column="E_kin", after=0.6)
+    with pytest.raises(MetricError, match=r"its W_ext is zero throughout, .* name another column"):
+        PAIR_METRICS["history_difference"](runs["apart"], runs["meeting"], column="W_ext")
     with pytest.raises(MetricError, match=r"has no t = -1, it goes from 0 to 0.5"):
         METRICS["angular_velocity"](runs["apart"], body="left", time=-1.0)
 

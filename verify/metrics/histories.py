@@ -186,6 +186,9 @@ def history_difference(
     if not len(time):
         raise MetricError(f"{run_name(run)}: records nothing from t = {after:g} to {until:g}; run it longer")
     value, target = (_at_times(source, column, time, bool(since_start)) for source in (run, reference))
+    if not target.any():
+        said = f"its {column} is zero throughout, against which no difference has a size"
+        raise MetricError(f"{run_name(reference)}: {said}; name another column, or run it longer")
     return float(np.abs(value - target).max() / np.abs(target).max())
 
 
