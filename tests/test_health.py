@@ -18,6 +18,7 @@ from verify.runs import running
 from verify.runs.running import DISCRETISATIONS
 
 BREAKABLE = {"steel": {"young": 210.0, "poisson": 0.3, "fracture": {"toughness": 0.0027, "length_scale": 0.1}}}
+TOUGH = {"young": 210.0, "poisson": 0.3, "fracture": {"toughness": 0.027, "length_scale": 0.1}}
 BAR: dict[str, Any] = {
     **PLATE,
     "bodies": {"bar": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 0.2]}}}},
@@ -353,7 +354,7 @@ def test_a_crack_along_a_held_edge_is_told_and_a_welded_end_prevents_it(solver, 
         shapes = {f"end_{n}": {"rectangle": {"lower": [0, y], "upper": [1, y + 0.2]}} for n, y in enumerate(ends)}
         bodies = {key: {"material": "whole", "shape": shape} for key, shape in shapes.items()}
         tables = {
-            **PLATE, "materials": BREAKABLE | {"whole": PLATE["materials"]["steel"]}, "boundaries": {},
+            **PLATE, "materials": BREAKABLE | {"whole": TOUGH}, "boundaries": {},
             "bodies": {"plate": {"material": "steel", "shape": square}} | bodies, "mesh": {"h": 0.05},
             "constraints": [
                 *({"on": "bottom", "direction": direction, "value": 0} for direction in "xy"),
@@ -369,6 +370,23 @@ def test_a_crack_along_a_held_edge_is_told_and_a_welded_end_prevents_it(solver, 
     (clamped, less), (welded, all_of_it) = torn("clamped", ()), torn("welded", (-0.2, 1.0))
     assert beyond(clamped) == {"held_crack"} and not beyond(welded)
     assert less < 0.95 * all_of_it
+
+
+@pytest.mark.parametrize(("beside", "tripped"), [(PLATE["materials"]["steel"], {"unbroken_beside"}), (TOUGH, set())])
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_crack_along_a_body_that_cannot_break_is_told(
+    solver, beside, tripped, tmp_path
+):
+    halves = {"steel": 0.0, "beside": 0.5}
+    shapes = {name: {"rectangle": {"lower": [0, y], "upper": [1, y + 0.5]}} for name, y in halves.items()}
+    changes = {
+        "materials": BREAKABLE | {"beside": beside},
+        "bodies": {name: {"material": name, "shape": shape} for name, shape in shapes.items()},
+        "notches": [slit(0.0, 0.5)],
+        "load": {"path": [0.0, 0.01], "increment": 1e-3},
+    }
+    case = plate(solver, **changes)
+    assert beyond(examined(case, tmp_path, solver)) & {"unbroken_beside"} == tripped
 
 
 @pytest.mark.parametrize(("on", "held"), [("bottom", True), ("foot", True), ("left", False)])

@@ -12,6 +12,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pandas as pd
+import shapely
 from numpy.typing import NDArray
 
 from cases import Case
@@ -99,7 +100,12 @@ INDICATORS = {
     "held_crack": Indicator(
         "share of the torn crack's energy within a length scale of edges held in x and y, where half a crack's is enough",
         0.25, "0 to 0.2 where it only ends there; along a held edge its profile has one side, so it tears there first",
-        "weld a body of a material without fracture between the plate and its support, or hold only one direction",
+        "hold the phase field at 1 along it, weld a body of several times the toughness to it, or hold one direction",
+    ),
+    "unbroken_beside": Indicator(
+        "share of the torn crack's energy within a length scale of bodies that cannot break, where half of it is enough",
+        0.25, "0 to 0.2 where it only ends there; along such a body it has one side and 0.57 of the energy",
+        "give that body's material fracture of several times the toughness, or hold the phase field at 1 along it",
     ),
     "quadrature": Indicator(
         "share of the volume in cells with fewer than 2 x 2 material points",
@@ -508,7 +514,12 @@ def _held_crack(case: Case, fields: Fields) -> dict[str, float]:
     for constraint in case.constraints:
         if constraint.direction == "phase":
             held &= ~_within(case, fields, constraint.on, lengths)
-    return _share("held_crack", _new_crack(case, fields, lengths, _TORN), held)
+    found = _share("held_crack", _new_crack(case, fields, lengths, _TORN), held)
+    whole = [body.outline() for body in case.bodies.values() if case.materials[body.material].fracture is None]
+    if whole and not case.dynamics:
+        beside = shapely.dwithin(shapely.union_all(whole), shapely.points(fields.reference), lengths)
+        found |= _share("unbroken_beside", _new_crack(case, fields, lengths, _TORN), beside)
+    return found
 
 
 def _turned(case: Case, fields: Fields) -> dict[str, float]:
