@@ -25,6 +25,8 @@ from cases.units import Number
 TierName = Literal["quick", "standard", "paper"]
 TIERS: tuple[TierName, ...] = ("quick", "standard", "paper")
 Scalar = bool | int | float | str
+#: what a check may be against besides a run, a reference and a value
+TARGETS = ("baseline", "exact", "none")
 #: behind the name of a family of runs: each of them
 EACH = "[*]"
 #: names of runs that differ in a part, each of which is meant: "{fem,mpm}_cubic"
@@ -295,7 +297,7 @@ class Check(Table):
         kind, colon, rest = self.against.partition(":")
         if colon and kind in ("value", "reference"):
             return kind, rest.strip()
-        return (self.against, "") if self.against in ("baseline", "exact", "none") else ("run", self.against)
+        return (self.against, "") if self.against in TARGETS else ("run", self.against)
 
     def each(self, specs: Iterable[RunSpec]) -> list[Check]:
         """The check, or one for each run that it is of; itself where there is no such family."""

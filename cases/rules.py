@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from itertools import product
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,7 @@ def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> 
     _basis_is_smooth_enough(case)
     _bodies_are_apart(case)
     _notches_are_in_bodies(case)
+    _slits_are_drawn_once(case)
     _notches_leave_bodies(case)
     _cracks_are_where_material_breaks(case)
     _spacing_fits_the_bodies(case)
@@ -286,6 +287,13 @@ def _notches_are_in_bodies(case: CaseDescription) -> None:
         if notch.kind == "slit" and not inside.intersection(line).length:
             text = f"from {list(notch.start)} to {list(notch.end)} lies on an edge or in a gap, where it parts nothing"
             raise BrokenRuleError(text, "move it into a body", f"notches[{number}]")
+
+
+def _slits_are_drawn_once(case: CaseDescription) -> None:
+    slits = [(number, notch) for number, notch in enumerate(case.notches) if notch.kind == "slit"]
+    for (one, slit), (other, longer) in permutations(slits, 2):
+        if slit.lies_on(longer):
+            raise BrokenRuleError(f"lies on notches[{other}]", "remove one of the two", f"notches[{one}]")
 
 
 def _notches_leave_bodies(case: CaseDescription) -> None:

@@ -15,7 +15,7 @@ from cases.discretisation import Mesh, Mpm, Staggered
 from cases.errors import BrokenRuleError
 from cases.files import read_curve
 from cases.geometry import Array, Bounds, slack_of
-from cases.judging import Check, Reference, Run, RunSpec, TierName
+from cases.judging import TARGETS, Check, Reference, Run, RunSpec, TierName
 from cases.loading import AT_REST, Constraint, Contact, Dynamics, Load
 from cases.loads import BodyForce, Eigenstrain, Traction
 from cases.material import Material
@@ -98,6 +98,8 @@ class CaseDescription(Table):
     def _change_known_tables(cls, runs: dict[str, Run]) -> dict[str, Run]:
         changeable = changeable_tables()
         for name, run in runs.items():
+            if name in TARGETS:
+                raise BrokenRuleError("is what a check is against, and no run", "call the run otherwise", name)
             only_known(run.change, changeable, f"{name}.change", "may not be changed by a run")
             tables = {key.partition(".")[0]: None for key in run.sweep}
             only_known(tables, changeable, f"{name}.sweep", "may not be changed by a run")

@@ -759,6 +759,7 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
         "runs.levels.sweep",
         "folder",
     ),
+    "run with the word of a target": (toy(runs={"none": {"solver": "fem"}}), "runs.none", "call the run otherwise"),
     "name that leaves the folder": (toy(runs={"../x": {"solver": "fem"}}), "runs.../x", "letters"),
     "not a table": (toy(mesh=3), "mesh", "table"),
     "units not a table": (toy(units=3), "units", "table"),

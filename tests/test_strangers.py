@@ -119,6 +119,13 @@ def test_a_slit_on_the_edge_of_a_body_is_refused(ends):
         plate("mpm", notches=[{"kind": "slit", "start": ends[0], "end": ends[1]}])
 
 
+@pytest.mark.parametrize("twice", [[slit(0.0, 0.5), slit(0.5, 0.0)], [slit(0.25, 0.5), slit(0.0, 1.0)]])
+def test_a_slit_that_lies_on_another_is_refused(twice):
+    with pytest.raises(CaseError, match=r"notches\[[01]\].*lies on notches\[[01]\]; remove one"):
+        plate("fem", notches=twice)
+    plate("fem", notches=[slit(0.0, 0.5), slit(0.5, 1.0), slit(0.25, 0.75, 0.25)])
+
+
 def test_a_path_that_never_leaves_zero_is_refused():
     with pytest.raises(CaseError, match=r"load\.path.*stays at 0.*second value"):
         plate("fem", load={"path": [0.0], "increment": 1e-3})
