@@ -85,7 +85,7 @@ class NodeConstraints:
     def holds(self, part: NDArray) -> Holds:
         """What they hold of nodes in connected parts (n_nodes,)."""
         shared = np.bincount(self.equations[self.equations >= 0], minlength=self.size) > 1
-        tied = np.where(self.equations >= 0, shared[self.equations], False)
+        tied = (self.equations >= 0) & np.append(shared, False)[self.equations]
         unknowns = np.flatnonzero(self.prescribed | tied)
         group = np.where(self.prescribed, -1, self.equations)[unknowns]
         return Holds(self._nodes[unknowns // 2], unknowns % 2, part[unknowns // 2], group)

@@ -309,9 +309,22 @@ class Gmres(_KeepingValues):
         self._costs.count["gmres_iterations"] += 1
 
 
+class Empty(_Keeping):
+    """Of a system without unknowns, such as that of one element whose nodes are all held."""
+
+    def factorise(self, values: NDArray) -> None:
+        """Keep nothing."""
+
+    def solve_again(self, right_side: NDArray) -> NDArray:
+        """Solution (0,) for a right side (0,)."""
+        return right_side
+
+
 def linear_solver(pattern: SymmetricPattern, costs: Costs, name: str = "direct") -> LinearSolver:
     """The solver called ``name``: "direct" (PARDISO, or SuperLU without MKL), "superlu", "gmres", "cg", or
     "well_conditioned" (PARDISO, which is the fastest up to 10^5 unknowns, or conjugate gradients without MKL)."""
+    if not pattern.size:
+        return Empty()
     if name == "gmres":
         return Gmres(pattern, costs)
     if name == "cg" or (name == "well_conditioned" and PyPardisoSolver is None):
@@ -327,5 +340,5 @@ def direct_solver(pattern: Pattern, costs: Costs) -> DirectSolver:
 def lift_empty_diagonal(pattern: SymmetricPattern, values: NDArray) -> NDArray:
     """Give unknowns without stiffness a small diagonal, in place; residuals are never touched by it."""
     diagonal = values[pattern.diagonal]
-    values[pattern.diagonal] = diagonal + EMPTY_DIAGONAL * diagonal.max()
+    values[pattern.diagonal] = diagonal + EMPTY_DIAGONAL * diagonal.max(initial=0.0)
     return values

@@ -481,3 +481,20 @@ def test_the_grid_of_material_points_shows_no_displacement_in_place_of_none_at_a
     assert all(np.abs(each.points()["displacement"]).max() > 0.0 for each in done.values())
     assert np.abs(done["fem"].grid()["displacement"]).max() > 0.0
     assert "displacement" not in done["mpm"].grid().point_data
+@pytest.mark.parametrize("scheme", ["converged", "bfgs"])
+@pytest.mark.parametrize("element", ["quad", "triangle"])
+def test_one_element_whose_nodes_are_all_held_breaks_as_its_closed_form_says(element, scheme):
+    toughness, length_scale, strain, modulus = 0.005, 0.1, 0.1, 210.0 * 0.7 / (1.3 * 0.4)
+    fracture = {"toughness": toughness, "length_scale": length_scale}
+    ends = [{"on": on, "direction": direction, "value": 0} for on, direction in (("bottom", "x"), ("top", "x"))]
+    case = plate(
+        "fem",
+        materials={"steel": {**PLATE["materials"]["steel"], "fracture": fracture}},
+        bodies={"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [1, 1]}}}},
+        constraints=[PLATE["constraints"][0], PLATE["constraints"][2], *ends],
+        load={"path": [0.0, strain], "increment": 0.01, "adaptive": False, "stop_when_broken": False},
+        mesh={"h": 1.0, "under_resolved": True, "element": element},
+        staggered={"scheme": scheme},
+    )
+    phase_field = 1.0 / (1.0 + 2.0 * length_scale * modulus * strain**2 / toughness)
+    assert force(case, "fem") == pytest.approx(phase_field**2 * modulus * strain, rel=1e-4)
