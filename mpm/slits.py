@@ -82,7 +82,8 @@ class SlitLine:
     def parted(self, left: NDArray, right: NDArray) -> NDArray:
         """Mask (n,) of the functions from left to right along the line which a slit parts wholly.
 
-        Raises GridError where a function reaches from a slit that ends on an edge over the gap into other material.
+        Raises GridError where a function reaches from a slit that ends on an edge over the gap into other material, or
+        where a slit parts none.
         """
         held = _meets(left, right, self.whole, self._slack)
         on_slit = _meets(left, right, np.array([(slit.start, slit.end) for slit in self.slits]), self._slack)
@@ -90,15 +91,19 @@ class SlitLine:
         at_tip = ((left[:, None] < tips - self._slack) & (right[:, None] > tips + self._slack)).any(axis=1)
         bridging = np.flatnonzero(on_slit & held & ~at_tip)
         if len(bridging):
-            self._refuse(0.5 * (left[bridging[0]] + right[bridging[0]]))
-        return on_slit & ~held
+            place = self._at(0.5 * (left[bridging[0]] + right[bridging[0]])).tolist()
+            why = f"a slit ends near {place} in a gap that is narrower than the grid's functions reach"
+            self._refuse(why, ", or let the slit go on to the other side")
+        parted = on_slit & ~held
+        for slit in self.slits:
+            if not _meets(left[parted], right[parted], [(slit.start, slit.end)], self._slack).any():
+                ends = self._at(slit.start).tolist(), self._at(slit.end).tolist()
+                self._refuse(f"the slit from {ends[0]} to {ends[1]} is shorter than the grid's functions reach")
+        return parted
 
-    def _refuse(self, along: float) -> None:
-        place = self._at(along).tolist()
-        raise GridError(
-            f"{self._case.source}: notches: a slit ends near {place} in a gap that is narrower than the grid's functions"
-            f" reach with mesh.h = {self._case.mesh.h:g}; make mesh.h smaller, or let the slit go on to the other side"
-        )
+    def _refuse(self, why: str, otherwise: str = "") -> None:
+        h = self._case.mesh.h
+        raise GridError(f"{self._case.source}: notches: {why} with mesh.h = {h:g}; make mesh.h smaller{otherwise}")
 
 
 def slit_lines(case: Case) -> list[SlitLine]:

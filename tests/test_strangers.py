@@ -126,6 +126,13 @@ def test_a_slit_that_lies_on_another_is_refused(twice):
     plate("fem", notches=[slit(0.0, 0.5), slit(0.5, 1.0), slit(0.25, 0.75, 0.25)])
 
 
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_slit_of_one_cell_between_tips_is_refused_and_one_of_two_opens(solver):
+    with pytest.raises(CaseError, match=r"the slit from .*1\.05.* make mesh.h smaller"):
+        DISCRETISATIONS[solver](plate(solver, notches=[slit(1.0, 1.05)]))
+    assert force(plate(solver, notches=[slit(1.0, 1.1)]), solver) < (1.0 - 1e-3) * force(plate(solver), solver)
+
+
 def test_a_path_that_never_leaves_zero_is_refused():
     with pytest.raises(CaseError, match=r"load\.path.*stays at 0.*second value"):
         plate("fem", load={"path": [0.0], "increment": 1e-3})

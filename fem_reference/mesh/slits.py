@@ -34,7 +34,8 @@ def split_slits(
     A node on a slit is doubled (or more, where slits cross) when the elements around it fall into groups that
     no edge off the slits connects. So a tip inside the body stays one node and a mouth on the boundary opens.
 
-    Raises MeshError, ending with `remedy`, where a slit cuts an element or ends within an edge.
+    Raises MeshError, ending with `remedy`, where a slit cuts an element or ends within an edge, or where one is a single
+    edge between its tips.
     """
     if not slits:
         return mesh
@@ -47,7 +48,13 @@ def split_slits(
                 f"{key}: the slit from {slit.start} to {slit.end} does not lie along edges of the mesh; {remedy}"
             )
         opened |= on_slit
-    return _open_edges(mesh, edges, opened)
+    parted = _open_edges(mesh, edges, opened)
+    doubled = parted.points[len(mesh.points) :]
+    for key, slit in slits.items():
+        if not len(doubled) or slit.distance(doubled).min() > ON_SLIT * slit.length:
+            text = f"{key}: the slit from {slit.start} to {slit.end} has no node between its tips that could open"
+            raise MeshError(f"{text}; make mesh.h smaller")
+    return parted
 
 
 def face_pairs(mesh: MeshArrays, slit: Segment) -> Integers:
