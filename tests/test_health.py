@@ -171,6 +171,21 @@ def test_a_ligament_of_one_cell_beside_the_tip_of_a_slit(end, tripped, tmp_path)
     assert ("coarse_cells" in found) == tripped
 
 
+@pytest.mark.parametrize(
+    ("length_scale", "factor", "tripped"), [(0.05, 1000.0, False), (0.01, 1000.0, True), (0.05, 0.5, True)]
+)
+@pytest.mark.parametrize("solver", ["fem", "mpm"])
+def test_a_notch_that_its_history_field_does_not_draw_is_told(solver, length_scale, factor, tripped, tmp_path):
+    fracture = {"toughness": 0.0027, "length_scale": length_scale}
+    case = plate(
+        solver,
+        materials={"steel": {**PLATE["materials"]["steel"], "fracture": fracture}},
+        notches=[{"kind": "history", "start": [0.0, 0.5], "end": [0.5, 0.5], "factor": factor}],
+        mesh={"h": 0.05, "under_resolved": True},
+    )
+    assert ("whole_notch" in beyond(examined(case, tmp_path, solver))) == tripped
+
+
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
 def test_faces_of_a_slit_that_is_pressed_overlap(solver, tmp_path):
     pressed = [*PLATE["constraints"][:2], {"on": "top", "direction": "y", "scale": -1}]

@@ -73,6 +73,11 @@ INDICATORS = {
         0.02, "a slit carries none, a notch pulled open 1e-5; sheared, the spectral split a tenth: no crack sets out",
         'draw the notch as a slit, or set fracture.split = "volumetric_deviatoric"',
     ),
+    "whole_notch": Indicator(
+        "share of the length of a notch drawn by its history field along which the material beside it is whole",
+        0.1, "0 where cells are no larger than the length scale; all of it where no integration point lies in the notch",
+        "make mesh.h no more than the length scale, or the notch's factor larger",
+    ),
     "locking": Indicator(
         "share of the elastic energy in volume changes that alternate from point to point",
         0.05, "0.78 in quadrilaterals that lock, 0.42 in triangles, 0.002 in those that do not",
@@ -235,7 +240,7 @@ def _of_fields(case: Case, fields: Fields, history: pd.DataFrame) -> dict[str, f
     if slits and loaded and (scale := np.linalg.norm(fields.displacement, axis=1).max()) > 0.0:
         found["face_overlap"] = max(0.0, *(-_least_opening(slit, fields, case.mesh.h) / scale for slit in slits))
     found |= _torn_notches(case, fields) if loaded and _rests(case, history) else {}
-    for indicators in (_locking, _resolution, _coarse_crack, _held_crack, _left_behind, _turned, meeting):
+    for indicators in (_locking, _resolution, _coarse_crack, _held_crack, _left_behind, _turned, _whole_notch, meeting):
         found |= indicators(case, fields)
     by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
     pieces = [_pieces(case, fields, body) for body in _whole_bodies(case, fields) if by_points]
@@ -313,6 +318,21 @@ def _torn_notches(case: Case, fields: Fields) -> dict[str, float]:
         lost += float(work[closed].sum())
         carried += float(((fields.stress @ along_it) * slide * fields.volume)[near & ~closed].sum())
     return {"closed_notch": lost / total, "sheared_notch": carried / total} if total > 0.0 else {}
+
+
+def _whole_notch(case: Case, fields: Fields) -> dict[str, float]:
+    """Along stretches of two cells, the largest near a notch, with material that can break."""
+    breaks, whole, number = np.isfinite(_length_scales(case, fields)), 0, 0
+    for notch in case.all_notches:
+        if isinstance(notch, HistoryNotch):
+            sizes = cell_sizes(case, fields.reference).max(axis=1)
+            near = breaks & (notch.distance(fields.reference) < sizes)
+            along, _ = notch.coordinates(fields.reference[near])
+            stretches = (along / (2.0 * sizes[near].max(initial=case.mesh.h))).astype(int)
+            seen = np.unique(stretches)
+            torn = np.unique(stretches[fields.phase_field[near] < _WHOLE])
+            whole, number = whole + len(seen) - len(torn), number + len(seen)
+    return {"whole_notch": whole / number} if number else {}
 
 
 def _means(key: NDArray, value: NDArray) -> dict[int, float]:
