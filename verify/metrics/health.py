@@ -22,8 +22,8 @@ from cases.spacing import cell_sizes
 from numerics.fields import Fields
 from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
 from verify.metrics.histories import largest_energy, missing_energy
-from verify.metrics.peak import lagging_crack, missed_peak
 from verify.metrics.meeting import meeting
+from verify.metrics.peak import lagging_crack, missed_peak
 from verify.metrics.release import tractions_on_faces
 
 
