@@ -211,5 +211,5 @@ def overview_sentence(cases: Sequence[Mapping[str, Any]]) -> str:
     for case in cases:
         verdict = str(case.get("verdict") or "MISSING")
         counts[verdict] = counts.get(verdict, 0) + 1
-    told = listed(f"{count} {VERDICT_WORDS.get(v, v).lower()}" for v, count in sorted(counts.items()))
+    told = ", ".join(f"{VERDICT_WORDS.get(v, v)} {count}" for v, count in sorted(counts.items()))
     return f"{plural(len(cases), 'case')}: {told}." if cases else "The summary holds no case."
