@@ -343,18 +343,21 @@ def run_command(
     from verify.planning.plan import longest_first, planned_job
 
     each, console = threads if cluster else max(1, threads // jobs), _console()
-    wanted = [
-        Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
-        for named in named_runs(_selected(cases, tier), run_names)
-    ]
-    # a mistake in the last case is told before the first run; those of the library have none
-    _refuse([job.case() for job in wanted if not job.source.is_relative_to(LIBRARY)])
-    planned = [planned_job(job, accuracy) for job in wanted]
+    with reading_once():
+        wanted = [
+            Job(*named, tier=tier, out=out, threads=each, force=force, resume=resume, timeout=timeout)
+            for named in named_runs(_selected(cases, tier), run_names)
+        ]
+        # a mistake in the last case is told before the first run; those of the library have none
+        _refuse([job.case() for job in wanted if not job.source.is_relative_to(LIBRARY)])
+        planned = [planned_job(job, accuracy) for job in wanted]
+        todo = [job for job, _ in planned]
+        todo = longest_first(todo) if cluster or 1 < jobs < len(todo) else todo
     for job, sentences in planned:
         for sentence in sentences:
             console.print(f"{job.title}: {sentence}")
-    todo, ended = [job for job, _ in planned], list[Outcome]()
-    for outcome in outcomes(longest_first(todo) if cluster or 1 < jobs < len(todo) else todo, jobs, cluster):
+    ended = list[Outcome]()
+    for outcome in outcomes(todo, jobs, cluster):
         # a record that several runs need is told once
         if not (outcome.needs_record and any(other.line == outcome.line for other in ended)):
             console.print(f"{outcome.title}: {outcome.line}")

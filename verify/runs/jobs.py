@@ -135,7 +135,9 @@ class Waiting:
     begins with what no other one compiles."""
 
     def __init__(self, todo: list[Job]) -> None:
-        self._todo = [(job, _moves(job)) for job in todo]
+        # all runs of a case move or none
+        moves = {source: _moves(job) for source, job in {job.source: job for job in todo}.items()}
+        self._todo = [(job, moves[job.source]) for job in todo]
         self._last: dict[object, bool] = {}
         self._lock = threading.Lock()
 
