@@ -389,9 +389,7 @@ def test_a_crack_along_a_held_edge_is_told_and_a_welded_end_prevents_it(solver, 
 
 @pytest.mark.parametrize(("beside", "tripped"), [(PLATE["materials"]["steel"], {"unbroken_beside"}), (TOUGH, set())])
 @pytest.mark.parametrize("solver", ["fem", "mpm"])
-def test_a_crack_along_a_body_that_cannot_break_is_told(
-    solver, beside, tripped, tmp_path
-):
+def test_a_crack_along_a_body_that_cannot_break_is_told(solver, beside, tripped, tmp_path):
     halves = {"steel": 0.0, "beside": 0.5}
     shapes = {name: {"rectangle": {"lower": [0, y], "upper": [1, y + 0.5]}} for name, y in halves.items()}
     changes = {
@@ -400,8 +398,7 @@ def test_a_crack_along_a_body_that_cannot_break_is_told(
         "notches": [slit(0.0, 0.5)],
         "load": {"path": [0.0, 0.01], "increment": 1e-3},
     }
-    case = plate(solver, **changes)
-    assert beyond(examined(case, tmp_path, solver)) & {"unbroken_beside"} == tripped
+    assert beyond(examined(plate(solver, **changes), tmp_path, solver)) & {"unbroken_beside"} == tripped
 
 
 @pytest.mark.parametrize(("on", "held"), [("bottom", True), ("foot", True), ("left", False)])

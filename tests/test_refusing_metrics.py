@@ -107,6 +107,11 @@ def test_a_run_in_time_has_no_force_over_displacement(runs: dict[str, RunFolder]
         METRICS[metric](runs["meeting"])
 
 
+def test_a_body_in_motion_has_no_release_rate_of_statics(runs: dict[str, RunFolder]) -> None:
+    with pytest.raises(MetricError, match="of the elastic one, and inertia has no part in the integral"):
+        METRICS["energy_release_rate"](runs["meeting"], inner=0.5, outer=1.5, tip=(2.0, 2.0), direction=(1.0, 0.0))
+
+
 def test_times_of_which_nothing_is_recorded_are_told(runs: dict[str, RunFolder]) -> None:
     with pytest.raises(MetricError, match=r"has nothing between t = 0.5 and 0.5"):
         METRICS["fracture_energy_gain"](runs["brittle"], after=0.5)

@@ -488,6 +488,8 @@ def test_the_grid_of_material_points_shows_no_displacement_in_place_of_none_at_a
     assert all(np.abs(each.points()["displacement"]).max() > 0.0 for each in done.values())
     assert np.abs(done["fem"].grid()["displacement"]).max() > 0.0
     assert "displacement" not in done["mpm"].grid().point_data
+
+
 @pytest.mark.parametrize("scheme", ["converged", "bfgs"])
 @pytest.mark.parametrize("element", ["quad", "triangle"])
 def test_one_element_whose_nodes_are_all_held_breaks_as_its_closed_form_says(element, scheme):
