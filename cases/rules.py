@@ -30,6 +30,8 @@ _FAR = 1e-6
 _OVERLAP, _DEPTH = 1e-6, 0.1
 #: tables, or keys of them, that finite elements do not look at
 OF_POINTS = ("mpm", "contact", *(f"dynamics.{key}" for key in ("affine", "flip", "order_of_update", "rotation")))
+# Largest stiffness over smallest; forces of the softer body would be told from the rounding of the harder one's.
+_LARGEST_CONTRAST = 1e8
 #: solvers of a block whose base stays where it is
 _NEVER_SLIDE = ("pendulum", "pendulum_linear")
 #: keys that explicit integration does not look at, with the value that says what it does, None where none does
@@ -57,6 +59,7 @@ def fit_together(case: CaseDescription, checks: Sequence[tuple[int, Check]]) -> 
     _names_are_defined(case)
     _is_static_or_dynamic(case)
     _stiffnesses_apply(case)
+    _stiffnesses_are_comparable(case)
     _length_scales_are_resolved(case)
     _basis_is_smooth_enough(case)
     _bodies_are_apart(case)
@@ -232,6 +235,21 @@ def _stiffnesses_apply(case: CaseDescription) -> None:
             remedy = 'give "AT2", or the table load instead of dynamics'
             key = f"materials.{name}.fracture.functional"
             raise BrokenRuleError("applies in quasi-static cases only", remedy, key, fracture.functional)
+
+
+def _stiffnesses_are_comparable(case: CaseDescription) -> None:
+    if case.load is None:
+        return
+    names = {body.material for body in case.bodies.values()}
+    moduli = {name: case.materials[name].mu for name in names if not case.materials[name].is_anisotropic}
+    if not moduli:
+        return
+    softest, hardest = (extreme(sorted(moduli), key=moduli.__getitem__) for extreme in (min, max))
+    least = moduli[hardest] / _LARGEST_CONTRAST
+    if moduli[softest] < least:
+        text = f"is more than {_LARGEST_CONTRAST:.0f} times softer than {hardest}: its forces would be lost in rounding"
+        remedy = f"give it a shear modulus of {least:.3g} or more, or leave its bodies out"
+        raise BrokenRuleError(text, remedy, f"materials.{softest}")
 
 
 def _length_scales_are_resolved(case: CaseDescription) -> None:

@@ -502,6 +502,8 @@ SECOND = {"material": "steel", "shape": {"rectangle": {"lower": [0.9, 0], "upper
 CHECK = {"metric": "peak_force", "run": "mpm", "against": "none", "limit": 0.1, "reason": "none"}
 BOTTOM = {"on": "bottom", "direction": "x"}
 SLIT = {"kind": "slit", "start": [0, 0.5], "end": [0.5, 0.5]}
+BESIDE = {"rectangle": {"lower": [1, 0], "upper": [2, 1]}}
+
 BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
     # what is wrong: tables, key that must be named, words of the remedy that must appear
     "unknown key": (toy(mesh__hh=1), "mesh.hh", "did you mean 'h'"),
@@ -536,6 +538,11 @@ BROKEN: dict[str, tuple[dict[str, Any], str, str]] = {
         toy(materials__foam={"lame_lambda": -10.0, "shear_modulus": 5.0}),
         "materials.foam.lame_lambda",
         "between -1 and 0.5",
+    ),
+    "forces below the rounding of another body's": (
+        toy(materials__gel={"young": 1e-7, "poisson": 0.3}, bodies__pad={"material": "gel", "shape": BESIDE}),
+        "materials.gel",
+        "8.08e-07 or more",
     ),
     "negative toughness": (
         toy(materials__steel__fracture__toughness=-1),
