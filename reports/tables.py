@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from cases import load_case
 from numerics.status import RunStatus
-from verify.metrics.health import INDICATORS
+from verify.health import INDICATORS
 from verify.planning.recorded_prices import current_prices
 
 from .words import (

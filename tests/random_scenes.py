@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from cases import case_from_tables
-from verify.metrics.health import suspicions
+from verify.health import suspicions
 from verify.runs import running
 from verify.runs.run_folder import RunFolder
 

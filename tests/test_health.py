@@ -11,9 +11,9 @@ import pytest
 
 from cases import CaseError, case_from_tables, load_case
 from tests.test_strangers import BEAM, PLATE, plate, slit
+from verify.health import INDICATORS, health, suspicions
 from verify.judging.judge import JudgeError, checks_of
 from verify.judging.summary import compare
-from verify.metrics.health import INDICATORS, health, suspicions
 from verify.runs import running
 from verify.runs.running import DISCRETISATIONS
 

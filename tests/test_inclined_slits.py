@@ -11,7 +11,7 @@ from cases.notches import SlitNotch
 from mpm import MaterialPoints
 from mpm.grid import Grid
 from numerics.fields import Fields
-from verify.metrics.health import health
+from verify.health import health
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 Tables = dict[str, Any]

@@ -11,7 +11,7 @@ from mpm import ExplicitMaterialPoints, MaterialPoints
 from numerics.explicit import instants
 from numerics.quasi_static import increments
 from numerics.status import RunStatus
-from verify.metrics.health import health, suspicions
+from verify.health import health, suspicions
 
 SOLVERS = {"fem": FiniteElements, "mpm": MaterialPoints}
 YOUNG, POISSON, LENGTH = 1000.0, 0.3, 4.0

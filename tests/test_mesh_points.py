@@ -10,7 +10,7 @@ import pytest
 from cases import Case, CaseError, case_from_tables
 from mpm.placement import place_points, placement_health
 from numerics.description import describe
-from verify.metrics.health import INDICATORS
+from verify.health import INDICATORS
 from verify.runs.running import DISCRETISATIONS, solver_records
 
 CELLS = 4

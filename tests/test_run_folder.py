@@ -411,8 +411,8 @@ def test_what_can_change_the_numbers_of_a_run_is_known() -> None:
     only_tell = {"atomic", "imported_error", "lock", "provenance", "run_folder", "sketch"}
     source = "".join((ROOT / module).read_text() for module in SOLVING_MODULES)
     used = set(re.findall(r"from verify\.runs\.(\w+) import", source)) - only_tell
-    health = (ROOT / "verify/metrics/health.py").read_text()
-    judging = {"crack_path", "health", *re.findall(r"from verify\.metrics\.(\w+) import", health)}
+    health = "".join(module.read_text() for module in (ROOT / "verify/health").glob("*.py"))
+    judging = {"crack_path", *re.findall(r"from verify\.metrics\.(\w+) import", health)}
     assert {f"verify/runs/{name}.py" for name in {*used, "running"}} | {
         f"verify/metrics/{name}.py" for name in judging
     } == {*SOLVING_MODULES}

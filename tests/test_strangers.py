@@ -12,7 +12,7 @@ import pytest
 from cases import Case, CaseError, case_from_tables
 from fem_reference.mesh.build import build_mesh
 from mpm.grid import Grid
-from verify.metrics.health import health, suspicions
+from verify.health import health, suspicions
 from verify.runs.running import DISCRETISATIONS, run, solver_records
 
 PLATE: dict[str, Any] = {

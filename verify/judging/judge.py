@@ -11,10 +11,10 @@ from cases import Case, Check, load_case
 from cases.solvers import SOLVERS
 from numerics.status import RunStatus
 from physics.rocking.records import missing_record
+from verify.health import INDICATORS, suspicions
 from verify.judging.baseline import BaselineRow, Key, key_of, read_baseline
 from verify.judging.targets import JudgeError, require_known, require_sense, target_of, value_of
 from verify.metrics.curves import CurveError
-from verify.metrics.health import INDICATORS, suspicions
 from verify.metrics.metric import NotGivenError, NothingToCompareError
 from verify.metrics.registry import find_metric
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, partial_folder, run_path

@@ -15,13 +15,12 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "fracture-verify"
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "pypardiso", "mkl", "pandas", "pyvista", "scikit-image")
 # What can change a run's numbers and its health record. Judging and drawing are left out: they never ask for a new run.
-SOLVING = ("cases", "physics", "numerics", "fem_reference", "mpm", "rigid_block")
+SOLVING = ("cases", "physics", "numerics", "fem_reference", "mpm", "rigid_block", "verify/health")
 SOLVING_MODULES = (
     "verify/runs/running.py", "verify/runs/run_writer.py", "verify/runs/checkpoint.py", "verify/runs/listeners.py",
     "verify/runs/frames.py", "verify/runs/vtk_files.py", "verify/runs/importing.py", "verify/runs/foreign_fields.py",
-    "verify/runs/field_energies.py", "verify/metrics/crack_path.py", "verify/metrics/health.py",
-    "verify/metrics/energy_release.py", "verify/metrics/histories.py", "verify/metrics/meeting.py",
-    "verify/metrics/peak.py", "verify/metrics/release.py",
+    "verify/runs/field_energies.py", "verify/metrics/crack_path.py", "verify/metrics/energy_release.py",
+    "verify/metrics/histories.py", "verify/metrics/release.py",
 )  # fmt: skip
 # What is recorded beside a case from results: it changes none.
 RECORDED = ("baseline.csv", "charts/*", "maps/*", "prices.csv", "results/*")

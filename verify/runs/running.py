@@ -357,7 +357,7 @@ class _Attempt:
 
     def examine(self, history: "pd.DataFrame") -> None:
         """The health record of what was computed."""
-        from verify.metrics.health import health
+        from verify.health import health
 
         if RunStatus(self.status).good:
             self.health = health(self.case, history, self._fields, self.measures)

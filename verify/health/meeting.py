@@ -9,22 +9,22 @@ import numpy as np
 import shapely
 
 from cases import Case
-from cases.solvers import SOLVERS
 from numerics.description import outlines
 from numerics.fields import Fields
+from verify.health.state import uses_points
 
 #: how near edges of elements are that meet, over h; samples of edges lie so densely, over that; no whole material is
 #: pressed together by so much
 _REACH, _DENSITY, _NEARER = 0.25, 0.67, 0.75
 
 
-def meeting(case: Case, fields: Fields) -> dict[str, float]:
+def of_gaps(case: Case, fields: Fields) -> dict[str, float]:
     """The indicator `met_across_gap` of the health record: length of the edges that have come within reach, over h."""
     if case.dynamics or case.exact:
         return {}
     from scipy.spatial import cKDTree  # judging does without
 
-    by_points = SOLVERS[case.run_spec(case.run or "").solver].by_points
+    by_points = uses_points(case)
     reach = case.mesh.h * (case.mpm.order if by_points and case.mpm.move_points else _REACH)
     edges = shapely.segmentize(shapely.boundary(shapely.union_all(outlines(case))), _DENSITY * reach)
     places = np.unique(shapely.get_coordinates(edges), axis=0)
