@@ -85,7 +85,7 @@ readme: .venv/installed ## write the recorded times and ratios of docs/measured.
 docs: .venv/light ## build the documentation site into build/docs/site
 	$(PIP) -e '.[docs]'
 	$(BIN)/python docs/site.py build/docs
-	$(BIN)/mkdocs build --quiet --strict -f build/docs/mkdocs.yml
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict -f build/docs/mkdocs.yml
 
 clean: ## remove the results, the virtual environment and all caches
 	rm -rf .venv $(OUT) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

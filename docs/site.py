@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import physics.splits
+import verify.health
 from cases import list_cases, load_case
 from cases.json_schema import case_schema
 from reports.pages import fill_page
+from verify.health import INDICATORS
 from verify.metrics import registry
 from verify.metrics.metric import REGISTERED
 
@@ -32,7 +34,8 @@ def pages() -> dict[str, str]:
     made = _readme() | {
         "contributing.md": (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8"),
         "public_results.md": (REPOSITORY / "examples/public_results/README.md").read_text(encoding="utf-8"),
-        "case_file.md": _case_file(), "metrics.md": _metrics(), "splits.md": _splits(), "cases/index.md": _cases(),
+        "case_file.md": _case_file(), "metrics.md": _metrics(), "health_record.md": _health_record(),
+        "splits.md": _splits(), "cases/index.md": _cases(),
     }  # fmt: skip
     for name in list_cases():
         text = fill_page(load_case(name))
@@ -70,6 +73,15 @@ def _metrics() -> str:
     for name, found in sorted(REGISTERED.items()):
         told = " ".join((inspect.getdoc(found.function) or "").split()).replace("|", "\\|")
         lines.append(f"| `{name}` | {found.unit} | {found.meaning} | {told if told != found.meaning else ''} |")
+    return "\n".join(lines) + "\n"
+
+
+def _health_record() -> str:
+    """Each indicator of the health record: what it is, up to where a run is sound and why, and what to do beyond."""
+    head = ["| indicator | what | limit | why there | what to do beyond |", "|---|---|---|---|---|"]
+    lines = ["# Health record", "", inspect.getdoc(verify.health) or "", "", *head]
+    for name, of in INDICATORS.items():
+        lines.append(f"| `{name}` | {of.meaning} | {of.limit:g} | {of.why} | {of.remedy} |")
     return "\n".join(lines) + "\n"
 
 

@@ -116,12 +116,13 @@ def _milliseconds(run: RunResults) -> str:
 
 
 def health_table(results: CaseResults) -> dict[str, Any]:
-    """``runs`` (column heads) and ``rows`` of (meaning, limit, why there, one (text, beyond, why accepted) per run)."""
+    """``runs`` (column heads); ``rows``: name, meaning, limit, why there, (text, beyond, why accepted) of each run."""
     runs = [run for run in results.shown_runs() if run.record.get("health")]
     told = [run.record["health"] for run in runs]
     accepted = [_accepted(results, run.name) for run in runs]
     rows = [
         (
+            name,
             indicator.meaning,
             number(indicator.limit),
             indicator.why,

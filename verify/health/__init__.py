@@ -33,9 +33,9 @@ def health(case: Case, history: pd.DataFrame, fields: Fields | None, measures: M
 
 
 def suspicions(found: Mapping[str, float | None], accepted: Mapping[str, str]) -> list[str]:
-    """One sentence for each indicator beyond its limit that is not accepted."""
+    """One sentence for each indicator beyond its limit that is not accepted, after its name."""
     return [
-        f"{indicator.meaning} is {value:.3g}, more than {indicator.limit:g}; {indicator.remedy}"
+        f"{name}: {indicator.meaning} is {value:.3g}, more than {indicator.limit:g}; {indicator.remedy}"
         for name, indicator in INDICATORS.items()
         if name not in accepted and (value := found.get(name)) is not None and value > indicator.limit
     ]
