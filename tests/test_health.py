@@ -552,3 +552,16 @@ def test_a_peak_between_increments_or_behind_which_the_crack_lags(
     }  # fmt: skip
     found = examined(case_from_tables(case, run=solver), tmp_path, solver)
     assert beyond(found) & {"missed_peak", "lagging_crack"} == tripped, found
+
+
+@pytest.mark.parametrize(("points", "tripped"), [({}, True), ({"move_points": False}, False)])
+def test_points_that_lose_energy_from_cell_to_cell_are_told(points, tripped, tmp_path):
+    """A beam of four cells across, bent by a strip of one cell until its outer points reach the next row."""
+    case = {
+        **BAR,
+        "bodies": {"beam": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [8, 4]}}}},
+        "boundaries": {"strip": {"box": {"lower": [7, 4], "upper": [8, 4]}}},
+        "constraints": [*BAR["constraints"][:2], {"on": "strip", "direction": "y", "scale": 1}],
+        "load": {"path": [0.0, 0.4], "increment": 0.05}, "mesh": {"h": 1.0}, "mpm": points,
+    }  # fmt: skip
+    assert ("lost_at_crossings" in beyond(examined(case_from_tables(case, run="mpm"), tmp_path, "mpm"))) == tripped

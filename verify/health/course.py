@@ -7,8 +7,8 @@ import pandas as pd
 
 from cases import Case
 from numerics.fields import Fields
-from verify.health.peak import lagging_crack, missed_peak
-from verify.health.state import ROUND_OFF, WHOLE
+from verify.health.peak import lagging_crack, lost_at_crossings, missed_peak
+from verify.health.state import ROUND_OFF, WHOLE, uses_points
 from verify.metrics.histories import largest_energy, missing_energy
 
 #: energies below this share of that which would stretch a body by as much as it is moved are none
@@ -16,7 +16,7 @@ _LEAST = 1e-9
 
 
 def of_history(case: Case, history: pd.DataFrame, fields: Fields | None) -> dict[str, float]:
-    """`energy_balance`, `phase_field_range`, `missed_peak` and `lagging_crack`."""
+    """`energy_balance`, `phase_field_range`, `missed_peak`, `lagging_crack` and `lost_at_crossings`."""
     if not len(history):
         return {}
     found = {}
@@ -24,6 +24,8 @@ def of_history(case: Case, history: pd.DataFrame, fields: Fields | None) -> dict
         highest = 1.0 if fields is None else float(fields.phase_field.max(initial=1.0))
         found["phase_field_range"] = max(0.0, highest - 1.0, -float(history["c_min"].min()))
     rows = history if case.dynamics else history[history["c_min"].to_numpy() >= WHOLE]
+    if not case.dynamics and not case.exact and uses_points(case) and case.mpm.move_points and len(rows) > 2:
+        found["lost_at_crossings"] = lost_at_crossings(rows)
     if len(rows) > 1 and case.exact is None:
         scale = max(largest_energy(rows), ROUND_OFF * _held_back(case, rows), _LEAST * _stretched(case, fields))
         if scale > 0.0:

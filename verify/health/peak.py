@@ -1,4 +1,4 @@
-"""What increments cost the largest force of a run at rest: one that lies between two of them, or a crack that lags."""
+"""What increments and moving points cost the force of a run at rest: a peak between two, a crack that lags, crossings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from verify.metrics.histories import missing_energy
+from verify.metrics.histories import largest_energy, missing_energy
 
 #: a force that falls below this share of what it was has no course that could be carried back
 _FALLEN = 0.5
@@ -63,3 +63,16 @@ def lagging_crack(history: pd.DataFrame) -> float:
     lost = max(0.0, -float(missing_energy(history)[peak]))
     torn = float(history["E_frac"].iloc[peak] - history["E_frac"].iloc[0])
     return float(np.sqrt(1.0 + lost / torn) - 1.0) if torn > 0.0 else 0.0
+
+
+def lost_at_crossings(history: pd.DataFrame) -> float:
+    """Energy that is lost while nothing breaks, over the largest energy: what points leave behind in their old cells.
+
+    Only increments count whose force falls behind its course: there a trapezoid tells less work than was done.
+    """
+    load, force = (np.diff(history[name].to_numpy(float)) for name in ("u", "F"))
+    slope = np.divide(force, load, out=np.zeros(len(load)), where=load != 0.0)
+    falls = (load[1:] * load[:-1] > 0.0) & (slope[1:] < slope[:-1])
+    lost = np.maximum(-np.diff(missing_energy(history))[1:], 0.0)
+    energy = largest_energy(history)
+    return float(lost[falls].sum() / energy) if energy > 0.0 else 0.0
