@@ -7,7 +7,9 @@ from pathlib import Path
 import fake_solver
 import pandas as pd
 import pytest
+from rich.console import Console
 
+from cases import list_cases
 from verify import cli
 from verify.runs import running
 from verify.runs.provenance import library_versions
@@ -354,3 +356,17 @@ def test_surface_energy_is_drawn_before_anything_runs(tmp_path: Path, capsys: py
 def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert verify("--version") == 0
     assert capsys.readouterr().out[0].isdigit()
+
+
+def test_tables_cut_off_no_name_in_files_and_narrow_terminals(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    assert verify("list") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(" plate_impact_anisotropic " in line for line in lines)
+    assert len([line for line in lines if "│" in line]) == len(list_cases())
+    table = cli._table("case", "verdict")
+    table.add_row("plate_impact_anisotropic_of_a_long_name", "PASS")
+    Console(width=20).print(table)
+    assert "…" not in capsys.readouterr().out
