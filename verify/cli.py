@@ -736,7 +736,7 @@ def _price_table(prices: pd.DataFrame) -> Table:
 @app.command()
 def calibrate(
     out: OutOption = DEFAULT_OUT,
-    write: Annotated[bool, typer.Option("--write", help="keep constants and runs in verify/planning/costs.*")] = False,
+    write: Annotated[bool, typer.Option("--write", help="keep the constants and the runs that they come from")] = False,
 ) -> None:
     """Fit the constants of predicted costs to all finished runs of a folder, and tell how far predictions are off.
 

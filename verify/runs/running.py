@@ -27,6 +27,7 @@ from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError,
 from verify.runs.frames import FrameWriter
 from verify.runs.importing import history_of
 from verify.runs.listeners import Listener, ObservedDiscretisation, SettledVerdict, StoppedError
+from verify.runs.memory import require_memory
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder, require_own_folder
 from verify.runs.run_writer import RunWriter, write_run
@@ -145,7 +146,8 @@ def run(
 
     Raises
     ------
-    CaseError : bad case. UserError : another argument is none. WriteError : the folder cannot be written.
+    CaseError : bad case. UserError : another argument is none, or the run needs more memory than this machine has.
+    WriteError : the folder cannot be written.
     InterruptedRunError : stopped.
     A solver that fails raises nothing: the folder's status and reason tell, beside the last good state where there was
     a way back to it: of a run that blew up there are the snapshots before.
@@ -160,6 +162,7 @@ def run(
         return finished
     if SOLVERS[merged.run_spec(run_name).solver].table:
         return tabulate(merged, run_name, folder)
+    require_memory(merged, run_name)
     return _compute(merged, run_name, folder, listeners, threads, resume)
 
 
