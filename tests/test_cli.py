@@ -1,5 +1,6 @@
 """The command line: exit codes, one sentence for a mistake, nothing computed twice."""
 
+import io
 import json
 import tempfile
 from pathlib import Path
@@ -370,3 +371,10 @@ def test_tables_cut_off_no_name_in_files_and_narrow_terminals(
     table.add_row("plate_impact_anisotropic_of_a_long_name", "PASS")
     Console(width=20).print(table)
     assert "…" not in capsys.readouterr().out
+
+
+def test_letters_that_a_pipe_cannot_take_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(taken, encoding="ascii", write_through=True))
+    assert verify("list", "--help") == 0 and verify("schema") == 0
+    assert b"verify list --solvers" in taken.getvalue() and b"?" in taken.getvalue()

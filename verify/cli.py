@@ -3,6 +3,7 @@
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked, 5 internal error.
 """
 
+import io
 import math
 import sys
 import tempfile
@@ -772,6 +773,9 @@ STOPPED = "Stopped: what is finished is kept; the same command does the rest, `v
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the command ``verify``; a user's mistake gets one sentence on stderr, no traceback."""
+    for stream in (sys.stdout, sys.stderr):  # a letter that a terminal or pipe has no place for is none of the program's
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     sys.exit(_exit_code(arguments))
 
 
