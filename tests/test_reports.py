@@ -31,6 +31,7 @@ from reports.tables import check_groups
 from reports.words import key_number, number, percent, section_words, verdict_sentence
 from verify.judging.summary import reproduce_command
 from verify.runs.atomic import WriteError
+from verify.runs.run_folder import RunFolderError
 
 
 @pytest.fixture(scope="module")
@@ -553,3 +554,10 @@ def test_the_force_is_called_a_reaction_where_it_is_one(scales: tuple[float, ...
     results = CaseResults({"case": "plate"}, tmp_path)
     results.__dict__["case"] = case_from_tables({**PLATE, "constraints": [PLATE["constraints"][1], *moved]}, "quick")
     assert results.force_name == name
+
+
+@pytest.mark.parametrize("content", ["garbage", "[]", "{}", '{"cases": []}', '{"cases": [1]}'])
+def test_a_damaged_summary_is_told_in_one_sentence(content: str, tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text(content)
+    with pytest.raises(RunFolderError, match=r"summary\.json: is damaged; judge again with `verify compare`\.$"):
+        write_report(tmp_path)
