@@ -378,3 +378,9 @@ def test_letters_that_a_pipe_cannot_take_are_replaced(monkeypatch: pytest.Monkey
     monkeypatch.setattr("sys.stdout", io.TextIOWrapper(taken, encoding="ascii", write_through=True))
     assert verify("list", "--help") == 0 and verify("schema") == 0
     assert b"verify list --solvers" in taken.getvalue() and b"?" in taken.getvalue()
+
+
+def test_a_command_that_is_told_can_be_pasted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / "my square", "")
+    assert verify("compare", case, "--out", tmp_path / "no such") == 3
+    assert f"`verify run '{case}' --tier standard --out '{tmp_path / 'no such'}'`" in capsys.readouterr().err

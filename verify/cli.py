@@ -5,6 +5,7 @@ Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input,
 
 import io
 import math
+import shlex
 import sys
 import tempfile
 import traceback
@@ -410,7 +411,7 @@ def compare(
         states = [{s.status for s in find_runs(loaded, out).values()} - {RunStatus.MISSING} for loaded in cases]
     found = [loaded for loaded, there in zip(cases, states, strict=True) if there]
     if not any(there - {RunStatus.NEEDS_RECORD} for there in states):
-        command = " ".join(["verify run", *(names or []), "--tier", tier, "--out", str(out)])
+        command = shlex.join(["verify", "run", *(names or []), "--tier", tier, "--out", str(out)])
         raise RunFolderError(
             f"{out / 'runs'}: nothing has been run in tier {tier!r}; do it with `{command}`."
         )
