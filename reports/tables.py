@@ -69,7 +69,7 @@ def _check_row(check: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def staggered_iterations(run: RunResults) -> int:
-    """Return the number of staggered iterations of a run, of a moving one those of all steps, told in its history or not."""
+    """Return the number of staggered iterations of a run, of a moving one those of all steps, told or not."""
     told = run.history["staggered"]
     steps = _steps(run)
     return int(told.sum()) if steps is None else int(steps * told.iloc[-1])
