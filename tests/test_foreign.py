@@ -614,3 +614,9 @@ def test_a_kept_result_of_the_library_is_of_the_case_as_it_stands(file: Path) ->
     kept = read_kept(load_case(file.parents[2] / "case.toml", file.parent.name), file.stem)
     assert kept is not None and kept.fits(load_case(file.parents[2] / "case.toml", file.parent.name, file.stem))
     assert np.isfinite(kept.history[["time", "u", "F"]].to_numpy(float)).all()
+
+
+def test_a_force_is_no_power_of_what_moves() -> None:
+    case, table = load_case("vibrating_bar", "quick"), {"time": [0.0, 0.1], "F [N]": [0.0, 1.0]}
+    with pytest.raises(ImportedError, match=r"'F \[N\]' for F: .*not a quantity of power; give a unit of power"):
+        mapped(pd.DataFrame(table), parse_mapping(""), case, "mine.csv")

@@ -377,6 +377,7 @@ class _Attempt:
             "solver": self.case.run_spec(self.run_name).solver,
             "status": as_expected(self.status, self.case, self.run_name),
             "reason": self.reason,
+            "units": self.case.history_units,
             "case_hash": self.case.hash(),
             "change": self.case.change,
             "health": {name: round(value, 12) for name, value in self.health.items()},
