@@ -384,3 +384,9 @@ def test_a_command_that_is_told_can_be_pasted(tmp_path: Path, capsys: pytest.Cap
     case = fake_solver.write_case(tmp_path / "my square", "")
     assert verify("compare", case, "--out", tmp_path / "no such") == 3
     assert f"`verify run '{case}' --tier standard --out '{tmp_path / 'no such'}'`" in capsys.readouterr().err
+
+
+def test_a_file_that_cannot_be_written_is_told_by_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert verify("coverage", "l_panel", "--to", tmp_path) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"{tmp_path}: could not be written") and "--out" not in told

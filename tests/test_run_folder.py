@@ -394,7 +394,7 @@ def test_no_room_for_a_file_is_one_sentence_whichever_it_is(
         signal.signal(signal.SIGXFSZ, ignored)
     told = capsys.readouterr()
     assert code == 2, told
-    assert "could not be written (File too large); check the place given with --out" in told.out
+    assert "could not be written (File too large); check it or give another place" in told.out
     assert "Traceback" not in told.out and not told.err
 
 

@@ -171,7 +171,7 @@ def _require_usable(run_name: object, out: object, listeners: object, threads: o
     said = ""
     if not isinstance(run_name, str):
         said = f"run_name = {run_name!r} is no text; give the name of one of the case's runs, such as 'fem'"
-    elif not isinstance(out, str | Path):
+    elif not isinstance(out, str | Path) or not str(out).strip():
         said = f"out = {out!r} is no path; give a folder"
     elif isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 1:
         said = f"threads = {threads!r} is no number of threads; give 1 or more"
