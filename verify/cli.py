@@ -200,8 +200,9 @@ def validate(cases: OptionalCases = None) -> None:
         for tier in TIERS:
             checks_of(load_case(case.source, tier))
         named = ((tier, run) for tier in TIERS for run in load_case(case.source, tier).expanded_runs())
-        found = refusals(load_case(case.source, tier, run) for tier, run in named)
-        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *case.mesh_remarks]) + found.needs:
+        runs = [load_case(case.source, tier, run) for tier, run in named]
+        found, remarks = refusals(runs), dict.fromkeys(said for each in [case, *runs] for said in each.remarks)
+        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *remarks]) + found.needs:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:

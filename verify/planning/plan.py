@@ -175,7 +175,7 @@ def _unpriced(case: Case, prices: dict[str, float]) -> str:
 
 def _notes(case: Case, accuracy: float | None) -> tuple[str, ...]:
     """What the spacing does to the toughness, what the accuracy asks of it, and what the sizes leave out."""
-    notes = list(case.mesh_remarks)
+    notes = case.remarks
     if case.mesh.follow_crack:
         notes.append("sizes, memory and time are those of the first fine box; they grow with it")
     for name, material in case.materials.items():

@@ -392,6 +392,7 @@ class _Attempt:
             "measures": {
                 name: value if math.isfinite(value) else None for name, value in self.measures.items()
             },
+            "remarks": [f"run {self.run_name}: {said}" for said in self.case.contact_remarks],
         }
 
 
