@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,12 +19,29 @@ _TURN, _BESIDE = np.radians(30.0), 2.0
 
 
 def contact_remarks(case: CaseDescription) -> list[str]:
-    """A sentence for each body that stands with its corners on the edge of another one, both of whose normals count.
+    """A sentence for each body that slides or rolls too little as the case describes it."""
+    return [*_corners_on_edges(case), *_square_discs(case)] if case.dynamics is not None else []
+
+
+def _square_discs(case: CaseDescription) -> list[str]:
+    """Discs that gravity may roll, of points in a square pattern: those are polygons, which lie on a side."""
+    pulled = case.dynamics is not None and any(case.dynamics.gravity)
+    rubs = any(case.friction(*pair) for pair in combinations(range(len(case.bodies)), 2))
+    if case.mpm.placement == "rings" or not (pulled and rubs):
+        return []
+    return [
+        f"bodies.{name}: is a disc of points in a {case.mpm.placement!r} pattern, which rolls too slowly or not at all;"
+        ' give mpm.placement = "rings".'
+        for name, body in case.bodies.items()
+        if body.deforms and body.shape is not None and body.shape.disc is not None
+    ]
+
+
+def _corners_on_edges(case: CaseDescription) -> list[str]:
+    """Bodies that stand with their corners on the edge of another one, both of whose normals count.
 
     The grid rounds the corners, whose normals then lean: what slides is held up there.
     """
-    if case.dynamics is None:
-        return []
     free = {name: body.outline() for name, body in case.bodies.items() if not body.keeps_velocity}
     return [
         f"bodies.{name}: stands with its corners on {other!r}, where the grid mixes the normals of both, so that it may"

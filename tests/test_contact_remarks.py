@@ -53,3 +53,14 @@ def test_a_block_upon_a_bed_is_told_to_name_the_bed(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_bed_whose_normal_holds_and_bars_end_to_end_are_not_told(more: dict[str, Any], tmp_path: Path) -> None:
     assert sliding(tmp_path, **more).remarks == []
+
+
+@pytest.mark.parametrize(
+    ("placement", "friction", "told"), [("gauss", 0.3, True), ("gauss", 0.0, False), ("rings", 0.3, False)]
+)
+def test_a_disc_that_rolls_is_told_to_have_its_points_on_rings(
+    placement: str, friction: float, told: bool, tmp_path: Path
+) -> None:
+    contact = {"normals_of": "bed", "friction": friction}
+    said = sliding(tmp_path, contact=contact, mpm={"placement": placement}).remarks
+    assert [sentence[:12] for sentence in said] == ["bodies.disc:"] * told
