@@ -14,7 +14,7 @@ from cases.errors import BrokenRuleError
 from cases.files import existing_file
 from cases.geometry import Array, Bounds, Shape
 from cases.mesh_files import mesh_outline
-from cases.mesh_groups import cells_of_groups, read_mesh
+from cases.mesh_groups import groups_of_areas, read_mesh
 from cases.table import Name, Switch, Table, require_one
 from cases.units import Rate, Velocity
 
@@ -70,10 +70,10 @@ class Body(Table):
         if self.group is not None and self.mesh is None:
             raise BrokenRuleError("is of a body without a mesh", "name its mesh", "group", self.group)
         if self.group is not None and self.mesh is not None:
-            known = cells_of_groups(read_mesh(self.mesh))
+            known = groups_of_areas(read_mesh(self.mesh))
             if self.group not in known:
-                remedy = f"name one of {', '.join(known) or 'none'}"
-                raise BrokenRuleError("is no group of cells of the mesh", remedy, "group", self.group)
+                remedy = f"name one of {', '.join(known)}" if known else "name the groups of the file's surfaces"
+                raise BrokenRuleError("is no group of plane cells of the mesh", remedy, "group", self.group)
         return self
 
     @model_validator(mode="after")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import codecs
 import contextlib
 import io
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,6 +44,16 @@ def cells_of_groups(mesh: meshio.Mesh) -> dict[str, list[NDArray]]:
             of_tag = [np.flatnonzero((data == tag) & (block.dim == dimension)) for block, data in tags]
             found.setdefault(name, of_tag)
     return found
+
+
+def groups_of_areas(mesh: meshio.Mesh) -> list[str]:
+    """Names of the groups that a body can be made of, which hold more than lines and points."""
+    of_lines = [CORNERS.get(block.type, 3) < 3 for block in mesh.cells]
+    return [
+        name
+        for name, blocks in cells_of_groups(mesh).items()
+        if any(len(cells) and not lines for cells, lines in zip(blocks, of_lines, strict=True))
+    ]
 
 
 def only_group(path: Path, mesh: meshio.Mesh, group: str | None) -> meshio.Mesh:
@@ -107,6 +118,8 @@ def _read(path: Path, modified: int) -> Any:
             return read_abaqus(path)
         if path.suffix.lower() == ".bdf":
             _check_no_coordinate_systems(path)
+        if path.suffix.lower() == ".msh":
+            _check_each_name_once(path)
         _gmsh41.Mesh = _with_whole_data
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return meshio.read(path)
@@ -123,6 +136,15 @@ def _read(path: Path, modified: int) -> Any:
             f"{path}: the mesh cannot be read ({why or type(problem).__name__}); export it again as Gmsh .msh,"
             " Abaqus .inp or VTU"
         ) from problem
+
+
+def _check_each_name_once(path: Path) -> None:
+    """Gmsh tells groups by name and dimension, meshio by name alone: of two of one name it would keep one."""
+    section = re.search(rb"^\$PhysicalNames\s(.*?)^\$EndPhysicalNames", path.read_bytes(), re.DOTALL | re.MULTILINE)
+    names = re.findall(r'"(.*)"', section[1].decode("utf-8", "replace")) if section else []
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise MeshError(f"{path}: has two physical groups called {twice!r}; give each a name of its own, curves too")
 
 
 def _check_no_coordinate_systems(path: Path) -> None:

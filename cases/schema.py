@@ -175,6 +175,18 @@ class CaseDescription(Table):
         return self.units.label(by_factor.get(kind, kind) if self.load_kinds[0] == "number" else kind)
 
     @property
+    def history_kinds(self) -> tuple[str, str]:
+        """Kinds of quantity of u and F in a history: in dynamics u is the time and F the power of what acts."""
+        return ("time", "power") if self.dynamics else self.load_kinds
+
+    @property
+    def history_units(self) -> dict[str, str]:
+        """Column of a history -> text of its unit; the time of a case at rest is a plain number."""
+        kinds = dict(zip("uF", self.history_kinds, strict=True)) | {"time": "time" if self.dynamics else "number"}
+        kinds |= dict.fromkeys(("E_el", "E_frac", "E_kin", "W_ext"), "energy")
+        return {column: self.units.label(kind) for column, kind in kinds.items()}
+
+    @property
     def fracture_enabled(self) -> bool:
         """Some body has a material that can break."""
         return any(self.materials[body.material].fracture is not None for body in self.bodies.values())

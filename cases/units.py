@@ -26,6 +26,7 @@ KINDS: dict[str, tuple[int, int, int]] = {
     "toughness": (1, -1, 0),
     "stiffness": (1, -1, 0),
     "energy": (1, 1, 0),
+    "power": (1, 1, -1),
     "time": (0, 0, 1),
     "density": (1, -4, 2),
     "force_density": (1, -3, 0),

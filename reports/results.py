@@ -21,6 +21,9 @@ from verify.runs.run_folder import RunFolder, RunFolderError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+#: what summary.json and its entry of a case hold
+_SUMMARY_KEYS = {"version", "created", "tier", "cases"}
+_ENTRY_KEYS = {"case", "source", "title", "tier", "verdict", "runs", "checks", "curves", "crack_paths"}
 # A damaged or missing result leaves a notice on the page; it does not end the report.
 READING_ERRORS = (RunFolderError, OSError, ValueError, KeyError, IndexError, AttributeError, TypeError)
 SNAPSHOT_MATCH = 0.02  # a stored state stands for a wanted displacement when within this share of the path
@@ -251,9 +254,16 @@ class CaseResults:
 def read_summary(out: Path) -> dict[str, Any]:
     """Return ``out/summary.json``.
 
-    Raises FileNotFoundError when the cases have not been judged yet.
+    Raises FileNotFoundError when the cases have not been judged yet, RunFolderError when the file is damaged.
     """
     file = out / "summary.json"
     if not file.is_file():
         raise FileNotFoundError(f"{file} does not exist: run `verify compare` first, it writes this file")
-    return json.loads(file.read_text(encoding="utf-8"))
+    try:
+        summary: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        whole = summary.keys() >= _SUMMARY_KEYS and all(entry.keys() >= _ENTRY_KEYS for entry in summary["cases"])
+    except (ValueError, TypeError, AttributeError):
+        whole = False
+    if not whole:
+        raise RunFolderError(f"{file}: is damaged; judge again with `verify compare`.")
+    return summary

@@ -39,6 +39,7 @@ def file(tmp_path: Path) -> Path:
         ({"threads": 0}, "threads = 0 is no number of threads; give 1 or more"),
         ({"threads": "2"}, "threads = '2' is no number of threads"),
         ({"out": None}, "out = None is no path; give a folder"),
+        ({"out": " "}, "out = ' ' is no path; give a folder"),
         ({"listeners": None}, "listeners = None is no list"),
         ({"listeners": [print]}, "has no start, record, finish; derive it from"),
     ],

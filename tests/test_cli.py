@@ -1,5 +1,6 @@
 """The command line: exit codes, one sentence for a mistake, nothing computed twice."""
 
+import io
 import json
 import tempfile
 from pathlib import Path
@@ -7,7 +8,9 @@ from pathlib import Path
 import fake_solver
 import pandas as pd
 import pytest
+from rich.console import Console
 
+from cases import list_cases
 from verify import cli
 from verify.runs import running
 from verify.runs.provenance import library_versions
@@ -354,3 +357,36 @@ def test_surface_energy_is_drawn_before_anything_runs(tmp_path: Path, capsys: py
 def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert verify("--version") == 0
     assert capsys.readouterr().out[0].isdigit()
+
+
+def test_tables_cut_off_no_name_in_files_and_narrow_terminals(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    assert verify("list") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(" plate_impact_anisotropic " in line for line in lines)
+    assert len([line for line in lines if "│" in line]) == len(list_cases())
+    table = cli._table("case", "verdict")
+    table.add_row("plate_impact_anisotropic_of_a_long_name", "PASS")
+    Console(width=20).print(table)
+    assert "…" not in capsys.readouterr().out
+
+
+def test_letters_that_a_pipe_cannot_take_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(taken, encoding="ascii", write_through=True))
+    assert verify("list", "--help") == 0 and verify("schema") == 0
+    assert b"verify list --solvers" in taken.getvalue() and b"?" in taken.getvalue()
+
+
+def test_a_command_that_is_told_can_be_pasted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = fake_solver.write_case(tmp_path / "my square", "")
+    assert verify("compare", case, "--out", tmp_path / "no such") == 3
+    assert f"`verify run '{case}' --tier standard --out '{tmp_path / 'no such'}'`" in capsys.readouterr().err
+
+
+def test_a_file_that_cannot_be_written_is_told_by_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert verify("coverage", "l_panel", "--to", tmp_path) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"{tmp_path}: could not be written") and "--out" not in told

@@ -16,10 +16,10 @@ from cases.spacing import count_cells, grid_lines
 from numerics import description
 from numerics.description import describe
 from verify import cli
-from verify.planning.memory import TooLargeError
 from verify.planning.plan import plan, planned_job
 from verify.runs import running
 from verify.runs.jobs import Job
+from verify.runs.memory import TooLargeError
 
 SET_UP = [
     ("plate_with_hole", "fem"),
@@ -119,6 +119,9 @@ def test_more_cells_than_the_machine_holds_are_refused_in_one_sentence(
     assert key in str(refused.value) and "make it larger" in str(refused.value)
     with pytest.raises(TooLargeError):
         planned_job(Job(file, case.name, solver, "standard", tmp_path, 1), None)
+    with pytest.raises(TooLargeError):
+        running.run(case, solver, out=tmp_path)
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.parametrize("name", list_cases())

@@ -32,6 +32,7 @@ from verify.runs import running
 from verify.runs.atomic import WriteError, replace_folder
 from verify.runs.importing import ImportedError, history_of, mapped, read_table
 from verify.runs.kept import main_runs, read_kept, reduced, restore
+from verify.runs.run_folder import RunFolder
 from verify.runs.running import run
 
 U = np.linspace(0.0, 0.01, 21)
@@ -440,6 +441,8 @@ def test_units_of_a_history_are_those_of_the_case(square: Case) -> None:
 def test_an_archive_is_read_back_to_the_same_verdict(square: Case, tmp_path: Path) -> None:
     there = read_back(square, tmp_path)
     assert there.verdict == there.summary["cases"][0]["verdict"] == "PASS"
+    runs = [RunFolder(file.parent) for file in (tmp_path / "there").rglob("run.json")]
+    assert runs and all(run.case.folder == tmp_path / "there" / "cases" / "square" for run in runs)
     (tmp_path / "square-quick.zip").write_bytes(b"PK nothing")
     with pytest.raises(ArchiveError, match="no zip file"):
         read_archive(tmp_path / "square-quick.zip", tmp_path / "there")
@@ -611,3 +614,9 @@ def test_a_kept_result_of_the_library_is_of_the_case_as_it_stands(file: Path) ->
     kept = read_kept(load_case(file.parents[2] / "case.toml", file.parent.name), file.stem)
     assert kept is not None and kept.fits(load_case(file.parents[2] / "case.toml", file.parent.name, file.stem))
     assert np.isfinite(kept.history[["time", "u", "F"]].to_numpy(float)).all()
+
+
+def test_a_force_is_no_power_of_what_moves() -> None:
+    case, table = load_case("vibrating_bar", "quick"), {"time": [0.0, 0.1], "F [N]": [0.0, 1.0]}
+    with pytest.raises(ImportedError, match=r"'F \[N\]' for F: .*not a quantity of power; give a unit of power"):
+        mapped(pd.DataFrame(table), parse_mapping(""), case, "mine.csv")

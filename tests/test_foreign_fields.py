@@ -212,3 +212,22 @@ def test_a_table_of_fields_is_checked(fields: str, tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(f'{text}\n[runs.a]\nsolver = "imported"\nhistory = "a.csv"\nfields = {fields}\n')
     with pytest.raises(CaseError, match=r"runs\.a\.fields"):
         load_case(tmp_path / "case.toml")
+
+
+@pytest.mark.parametrize("key", ["damage", "phase_field"])
+def test_a_phase_field_of_cells_is_that_of_their_middles(key: str, case: Case, tmp_path: Path) -> None:
+    mesh = plate(case)
+    band = np.asarray(mesh.point_data_to_cell_data().cell_data["d"])
+    mesh.point_data.clear()
+    mesh.cell_data["band"] = band if key == "damage" else 1.0 - band
+    ((_, found),) = read_states(fields(saved(mesh, tmp_path / "a.vtu"), **{key: "band"}), case)
+    assert found.phase_field.min() == pytest.approx(1.0 - band.max(), abs=1e-6)
+
+
+def test_vtk_adds_nothing_to_the_sentence_of_a_damaged_file(
+    case: Case, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.vtu").write_text("<VTKFile")
+    with pytest.raises(ImportedError, match="cannot be read"):
+        read_states(fields(tmp_path / "a.vtu", damage="d"), case)
+    assert capfd.readouterr().err == ""

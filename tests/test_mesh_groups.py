@@ -127,3 +127,16 @@ def test_one_cell_in_two_surfaces_is_refused(tmp_path: Path) -> None:
     (tmp_path / "b.msh").write_text(GMSH_2_SHARED.replace("5 3 2 2 1", "5 3 2 2 2"))
     with pytest.raises(CaseError, match="on the same side of an edge"):
         read_mesh_file(tmp_path / "b.msh")
+
+
+@pytest.mark.parametrize("file", ["gmsh2.msh", "gmsh4.msh"])
+def test_a_body_is_no_group_of_lines(file: str, tmp_path: Path) -> None:
+    with pytest.raises(CaseError, match=r"left\.group' = 'Top' is no group of plane cells.*name one of steel, glue"):
+        glued(tmp_path, file, steel="Top")
+
+
+@pytest.mark.parametrize("content", [GMSH_2, GMSH_4])
+def test_a_curve_and_a_surface_of_one_name_are_refused(content: str, tmp_path: Path) -> None:
+    (tmp_path / "a.msh").write_text(content.replace('"Top"', '"steel"'))
+    with pytest.raises(CaseError, match="has two physical groups called 'steel'"):
+        read_mesh_file(tmp_path / "a.msh", 0, "steel")

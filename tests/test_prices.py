@@ -27,7 +27,7 @@ from verify.planning.recorded_prices import (
     read_prices,
 )
 from verify.planning.savings import all_off, savings
-from verify.runs import running
+from verify.runs import costs, running
 from verify.studies import records
 from verify.studies.prices import price
 from verify.studies.study import Options, StudyError
@@ -206,7 +206,7 @@ def test_an_accuracy_that_is_no_share_is_told(case_file: Path, text: str, capsys
 
 def synthetic_runs() -> pd.DataFrame:
     """Measured runs that follow the model exactly."""
-    truth: calibration.Constants = {
+    truth: costs.Constants = {
         "iterations": {"split": 12.0, "cyclic": 30.0, "fracture": 9.0, "elastic": 1.5, "passes": 2.0, "at_rest": 1.0,
                        "uniform": 0.1},
         "fem": {"per_run": 0.3, "per_iteration": 2e-3, "per_point": 1e-7, "per_unknown": 2e-6, "per_factor": 3e-9},
@@ -219,10 +219,10 @@ def synthetic_runs() -> pd.DataFrame:
     }  # fmt: skip
     rows = []
     sizes = ((500, 10, 1, 0.5), (5000, 40, 2, 4.0), (60000, 20, 3, 1.0))
-    kinds = (*calibration.KINDS, *calibration.MOVING_KINDS)
+    kinds = (*costs.KINDS, *costs.MOVING_KINDS)
     for number, (solver, kind, (n, steps, order, width)) in enumerate(itertools.product(("fem", "mpm"), kinds, sizes)):
-        demand = calibration.Demand(kind, solver, order, 1, steps, n, 2 * n + 100 * number, width, 0.7, 0.2)
-        cost = calibration.predict(demand, truth)
+        demand = costs.Demand(kind, solver, order, 1, steps, n, 2 * n + 100 * number, width, 0.7, 0.2)
+        cost = costs.predict(demand, truth)
         row = {"case": f"case{number % 5}", "tier": "quick", "run": solver, **asdict(demand), "counted_unknowns": n}
         rows.append(row | asdict(cost))
     return pd.DataFrame(rows)
@@ -245,7 +245,7 @@ def test_nine_predictions_in_ten_are_within_a_factor_of_two() -> None:
     """Over the measured runs of the cases that the constants were fitted to; cases that came later are not among them."""
     table = pd.read_csv(calibration.RUNS_FILE)
     assert set(table["case"]) <= {name for name in list_cases() if load_case(name).rocking is None}
-    ratios = calibration.predicted(table, calibration.constants())
+    ratios = calibration.predicted(table, costs.constants())
     for name in ("unknowns", "seconds", "memory_mb"):
         assert calibration.within_factor(ratios[name]) >= 0.9
 

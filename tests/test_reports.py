@@ -23,7 +23,7 @@ from test_strangers import PLATE
 
 from cases import case_from_tables, load_case
 from cases.solvers import SOLVERS, Solver
-from reports import curves, motion, orientations, scene, style, surface, sweeps, write_report
+from reports import curves, motion, orientations, scene, style, surface, sweeps, tables, write_report
 from reports.fields import point_image
 from reports.report import SECTIONS, readme_html
 from reports.results import CaseResults, method_of
@@ -31,6 +31,7 @@ from reports.tables import check_groups
 from reports.words import key_number, number, percent, section_words, verdict_sentence
 from verify.judging.summary import reproduce_command
 from verify.runs.atomic import WriteError
+from verify.runs.run_folder import RunFolderError
 
 
 @pytest.fixture(scope="module")
@@ -553,3 +554,21 @@ def test_the_force_is_called_a_reaction_where_it_is_one(scales: tuple[float, ...
     results = CaseResults({"case": "plate"}, tmp_path)
     results.__dict__["case"] = case_from_tables({**PLATE, "constraints": [PLATE["constraints"][1], *moved]}, "quick")
     assert results.force_name == name
+
+
+@pytest.mark.parametrize("content", ["garbage", "[]", "{}", '{"cases": []}', '{"cases": [1]}'])
+def test_a_damaged_summary_is_told_in_one_sentence(content: str, tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text(content)
+    with pytest.raises(RunFolderError, match=r"summary\.json: is damaged; judge again with `verify compare`\.$"):
+        write_report(tmp_path)
+
+
+def test_the_cost_of_an_iteration_is_processor_time_over_all_of_them() -> None:
+    """Neither that of the linear solver alone nor with compilation; of a run that moves all steps, not those told."""
+    seconds = {"processor": 6.0, "solve": 0.1, "total": 60.0}
+    at_rest: Any = SimpleNamespace(entry={"seconds": seconds}, history=pd.DataFrame({"staggered": [2, 4, 6]}))
+    assert tables.seconds_per_iteration(at_rest) == pytest.approx(0.5)
+    entry = {"seconds": seconds, "counters": {"steps": 300}}
+    moving: Any = SimpleNamespace(entry=entry, history=pd.DataFrame({"staggered": [2] * 7}))
+    assert tables.staggered_iterations(moving) == 600
+    assert tables.seconds_per_iteration(moving) == pytest.approx(0.01)

@@ -394,7 +394,7 @@ def test_no_room_for_a_file_is_one_sentence_whichever_it_is(
         signal.signal(signal.SIGXFSZ, ignored)
     told = capsys.readouterr()
     assert code == 2, told
-    assert "could not be written (File too large); check the place given with --out" in told.out
+    assert "could not be written (File too large); check it or give another place" in told.out
     assert "Traceback" not in told.out and not told.err
 
 
@@ -407,8 +407,8 @@ def test_fields_are_written_as_pyvista_would(case_file: Path, tmp_path: Path) ->
 
 
 def test_what_can_change_the_numbers_of_a_run_is_known() -> None:
-    """Whatever takes part in `running`, but for what only reads, waits or tells."""
-    only_tell = {"atomic", "imported_error", "lock", "provenance", "run_folder", "sketch"}
+    """Whatever takes part in `running`, but for what only reads, refuses, waits or tells."""
+    only_tell = {"atomic", "imported_error", "lock", "memory", "provenance", "run_folder", "sketch"}
     source = "".join((ROOT / module).read_text() for module in SOLVING_MODULES)
     used = set(re.findall(r"from verify\.runs\.(\w+) import", source)) - only_tell
     health = "".join(module.read_text() for module in (ROOT / "verify/health").glob("*.py"))
@@ -499,3 +499,12 @@ def test_what_a_case_expects_is_judged_as_the_case_stands_now(
     state = find_run(load_case(plain, "quick"), "fem", tmp_path)
     assert (state.status, state.failed) == ("expected_failure", False)
     assert runs_sentence([state]).startswith("1 run ended as intended")
+
+
+def test_a_history_tells_its_units(case_file: Path, tmp_path: Path) -> None:
+    done = run(case_file, "fem", "quick", tmp_path)
+    units = {"u": "mm", "F": "kN", "time": "1", **dict.fromkeys(("E_el", "E_frac", "E_kin", "W_ext"), "kN·mm")}
+    assert done.history.attrs["units"] == done.info["units"] == units
+    assert "kN" in done._repr_html_() and "fem" in repr(done)
+    moving = load_case("vibrating_bar", "quick").history_units
+    assert (moving["u"], moving["F"], moving["time"]) == ("ms", "N·mm/ms", "ms")

@@ -3,7 +3,9 @@
 Exit codes: 0 within tolerance, 1 out of tolerance, 2 a run failed, 3 bad input, 4 nothing was checked, 5 internal error.
 """
 
+import io
 import math
+import shlex
 import sys
 import tempfile
 import traceback
@@ -15,7 +17,7 @@ from typing import Annotated, Any
 import pandas as pd
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from cases import Case, CaseError, UserError, list_cases, load_case, schema_text
@@ -45,6 +47,8 @@ EXIT_CODE_HELP = (
     " 5 internal error."
 )
 DEBUG = "--debug"
+#: letters in a line of what no terminal shows
+WIDEST = 10_000
 
 app = typer.Typer(
     name="verify",
@@ -104,8 +108,18 @@ ThreadsOption = Annotated[int, typer.Option("--threads", min=1, help="threads of
 
 
 def _console() -> Console:
-    """Made anew for each command, because tests and callers may have replaced sys.stdout; brackets are no markup."""
-    return Console(file=sys.stdout, soft_wrap=not sys.stdout.isatty(), markup=False, highlight=False, emoji=False)
+    """Made anew for each command, because tests and callers may have replaced sys.stdout; brackets are no markup.
+
+    Files and other programs get each row of a table in one line, whatever its width.
+    """
+    seen = sys.stdout.isatty()
+    width = None if seen else WIDEST
+    return Console(file=sys.stdout, width=width, soft_wrap=not seen, markup=False, highlight=False, emoji=False)
+
+
+def _table(*headers: str, **options: Any) -> Table:
+    """A table that breaks what a narrow terminal has no room for, and cuts nothing off."""
+    return Table(*(Column(header, overflow="fold") for header in headers), **options)
 
 
 def _selected(names: Sequence[str] | None, tier: str) -> list[Case]:
@@ -152,7 +166,7 @@ def list_command(
 
     Examples: `verify list` · `verify list --solvers`
     """
-    console, table = _console(), Table("case", "section", "title", "runs")
+    console, table = _console(), _table("case", "section", "title", "runs")
     if solvers:
         console.print(_solver_table())
         return
@@ -163,7 +177,7 @@ def list_command(
 
 
 def _solver_table() -> Table:
-    table = Table("solver", "title", "from", "gives")
+    table = _table("solver", "title", "from", "gives")
     for name in installed():
         try:
             register(name)
@@ -186,8 +200,9 @@ def validate(cases: OptionalCases = None) -> None:
         for tier in TIERS:
             checks_of(load_case(case.source, tier))
         named = ((tier, run) for tier in TIERS for run in load_case(case.source, tier).expanded_runs())
-        found = refusals(load_case(case.source, tier, run) for tier, run in named)
-        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *case.mesh_remarks]) + found.needs:
+        runs = [load_case(case.source, tier, run) for tier, run in named]
+        found, remarks = refusals(runs), dict.fromkeys(said for each in [case, *runs] for said in each.remarks)
+        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *remarks]) + found.needs:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:
@@ -233,7 +248,7 @@ def _print_plan(console: Console, case: Case, run: str, accuracy: float | None) 
         console.print(f"{case.name}, run {run}: comes as a table, so that there is nothing to plan")
         return
     planned = make_plan(case, run, accuracy)
-    table = Table("what", "value", title=planned.title, title_justify="left")
+    table = _table("what", "value", title=planned.title, title_justify="left")
     for row in planned.rows():
         table.add_row(*row)
     console.print(table)
@@ -253,7 +268,7 @@ def surface(case: CaseArgument, tier: TierOption = "standard", out: OutOption = 
     if not loaded.fracture_enabled:
         raise CaseError(f"{loaded.source}: no material has a table 'fracture', so there is no surface energy; add one.")
     unit = loaded.units.label("toughness")
-    table = Table("material", "order", f"least [{unit}]", "at [°]", f"largest [{unit}]", "at [°]", "forbidden [°]")
+    table = _table("material", "order", f"least [{unit}]", "at [°]", f"largest [{unit}]", "at [°]", "forbidden [°]")
     for row in write_surface(loaded, out).to_dict("records"):
         least = (f"{row['least']:.5g}", f"{row['theta_least']:.1f}")
         largest = (f"{row['largest']:.5g}", f"{row['theta_largest']:.1f}")
@@ -397,7 +412,7 @@ def compare(
         states = [{s.status for s in find_runs(loaded, out).values()} - {RunStatus.MISSING} for loaded in cases]
     found = [loaded for loaded, there in zip(cases, states, strict=True) if there]
     if not any(there - {RunStatus.NEEDS_RECORD} for there in states):
-        command = " ".join(["verify run", *(names or []), "--tier", tier, "--out", str(out)])
+        command = shlex.join(["verify", "run", *(names or []), "--tier", tier, "--out", str(out)])
         raise RunFolderError(
             f"{out / 'runs'}: nothing has been run in tier {tier!r}; do it with `{command}`."
         )
@@ -426,7 +441,7 @@ def _print_problems(console: Console, summary: dict[str, Any]) -> None:
 
 
 def _verdict_table(summary: dict[str, Any]) -> Table:
-    table = Table("case", "verdict", "checks passed", "most of a limit", title=f"tier {summary['tier']}")
+    table = _table("case", "verdict", "checks passed", "most of a limit", title=f"tier {summary['tier']}")
     for case in summary["cases"]:
         passed, gated, margin = counts(case)
         share = "" if margin is None else f"{100 * margin:.0f} %"
@@ -513,7 +528,7 @@ def coverage_command(
     if not rows:
         said = f"of a source with {source!r} in its name; leave --source out to see all" if source else "in these cases"
         raise typer.BadParameter(f"there is no printed number {said}")
-    shown = Table("case", "quantity", "run", "tier", "printed", "ours", "off", "limit")
+    shown = _table("case", "quantity", "run", "tier", "printed", "ours", "off", "limit")
     for row in rows:
         off = "" if row.share is None else f"{100 * row.share:.2g} %"
         ours = "" if row.ours is None else f"{row.ours:.6g}"
@@ -540,7 +555,7 @@ def accept_command(
     """
     loaded = load_case(case, tier)
     rows = accept(loaded, reason, out)
-    table = Table("run", "metric", "parameters", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
+    table = _table("run", "metric", "parameters", "value", "unit", title=f"accepted for {loaded.name}, tier {tier}")
     for row in rows:
         table.add_row(row.run, row.metric, row.parameters, f"{row.value:.8g}", row.unit)
     console = _console()
@@ -710,7 +725,8 @@ def price_command(
 
 def _price_table(prices: pd.DataFrame) -> Table:
     ratios = {"time": "seconds", "work": "work", "unknowns": "unknowns"}
-    table = Table("run", "without", *(f"times the {name}" for name in ratios), "quantity", "with", "without it", "change")
+    times = (f"times the {name}" for name in ratios)
+    table = _table("run", "without", *times, "quantity", "with", "without it", "change")
     for _, row in prices.iterrows():
         cost = [f"{row[f'{key}_without'] / row[f'{key}_with']:.3g}" for key in ratios.values()]
         change = "" if math.isnan(row["change"]) else f"{100 * row['change']:.2g} %"
@@ -723,7 +739,7 @@ def _price_table(prices: pd.DataFrame) -> Table:
 @app.command()
 def calibrate(
     out: OutOption = DEFAULT_OUT,
-    write: Annotated[bool, typer.Option("--write", help="keep constants and runs in verify/planning/costs.*")] = False,
+    write: Annotated[bool, typer.Option("--write", help="keep the constants and the runs that they come from")] = False,
 ) -> None:
     """Fit the constants of predicted costs to all finished runs of a folder, and tell how far predictions are off.
 
@@ -737,7 +753,7 @@ def calibrate(
     if table["case"].nunique() < 2:
         raise RunFolderError(f"{out / 'runs'}: holds no finished runs of two cases or more; do them with `verify run`.")
     fitted = calibration.fit(table)
-    shown = Table("predicted over measured", "median", "least", "most", "within a factor of 2", "with its case left out")
+    shown = _table("predicted over measured", "median", "least", "most", "within a factor of 2", "with its case left out")
     for name, row in calibration.judged(table, fitted).iterrows():
         values = (f"{row[key]:.2f}" for key in ("median", "least", "most"))
         shown.add_row(str(name), *values, *(f"{100 * row[key]:.0f} %" for key in ("within", "left_out")))
@@ -759,6 +775,9 @@ STOPPED = "Stopped: what is finished is kept; the same command does the rest, `v
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the command ``verify``; a user's mistake gets one sentence on stderr, no traceback."""
+    for stream in (sys.stdout, sys.stderr):  # a letter that a terminal or pipe has no place for is none of the program's
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     sys.exit(_exit_code(arguments))
 
 

@@ -15,18 +15,19 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cases import Case, UserError, load_case
+from cases.case import CASE_FILE
 from cases.copies import write_copy
 from cases.judging import TIERS
 from verify.judging.judge import find_runs, judge_case
 from verify.judging.summary import summarise, write_summary
 from verify.judging.views import Json
-from verify.runs.atomic import replace_folder, write_file, writing
+from verify.runs.atomic import replace_folder, write_file, write_text, writing
 from verify.runs.checkpoint import CHECKPOINT_FILE
 from verify.runs.provenance import code_version
 from verify.runs.run_folder import RunFolder, run_path
@@ -155,12 +156,21 @@ def read_archive(file: Path, out: Path) -> Imported:
         if (out / "runs" / name / tier).exists() and not (out / "cases" / name).exists():
             text = "holds runs of a case of this name, which those of the archive would replace"
             raise ArchiveError(f"{out / 'runs' / name / tier}: {text}; give another folder with --out.")
+        _lead_to(out / "cases" / name / CASE_FILE, root / "runs" / name / tier)
         for part in (Path("cases") / name, Path("runs") / name / tier):
             (out / part).parent.mkdir(parents=True, exist_ok=True)
             replace_folder(root / part, out / part)
     judged = summarise([load_case(out / "cases" / name, tier)], tier, out)
     write_summary(judged, out)
     return Imported(verdict, judged)
+
+
+def _lead_to(case_file: Path, runs: Path) -> None:
+    """Make runs say that theirs is this case file, in place of that of the machine on which they were computed."""
+    for file in runs.rglob("run.json"):
+        with suppress(ValueError, TypeError):  # a damaged one is told where it is judged
+            told = json.loads(file.read_text(encoding="utf-8"))
+            write_text(file, json.dumps(told | {"case_source": str(case_file.resolve())}, indent=2) + "\n")
 
 
 def _made(folder: Path) -> Path:

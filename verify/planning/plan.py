@@ -8,21 +8,18 @@ from cases import Case, load_case
 from cases.bodies import Body
 from cases.judging import merge
 from cases.solvers import SOLVERS
-from cases.spacing import count_cells
 from numerics.description import Description, describe
 from physics.surface_energy import RAISED
-from verify.planning.calibration import Cost, Demand, demand_of, predict
-from verify.planning.memory import check_memory
 from verify.planning.recorded_prices import chosen_savings, costs_of_savings
 from verify.planning.savings import Saving, all_off, savings
+from verify.runs.costs import Cost, Demand, demand_of, predict
 from verify.runs.jobs import Job
+from verify.runs.memory import check_memory, predicted_cost, require_memory
 
 RULE = (
     "processor seconds on one thread, by a model of unknowns and iterations fitted to finished runs "
     "(`verify calibrate`); waiting for other programs comes on top"
 )
-#: cells of the grid that fit into the memory of any machine
-FEW_CELLS = 20_000
 NOTCHES = {
     "slit": "a slit of no width",
     "cells": "left-out cells",
@@ -128,8 +125,7 @@ def planned_job(job: Job, accuracy: float | None) -> tuple[Job, list[str]]:
     if accuracy is not None:
         choice = plan(case, job.run, accuracy).choice
         return replace(job, change=choice.change), choice.sentences()
-    if count_cells(case) > FEW_CELLS:
-        expected_seconds(case, job.run)
+    require_memory(case, job.run)
     return job, []
 
 
@@ -148,10 +144,7 @@ def expected_seconds(case: Case, run: str) -> float:
 
     Raises TooLargeError where this machine has too little memory.
     """
-    described = describe(case, case.run_spec(run).solver)
-    cost = predict(demand_of(case, case.run_spec(run).solver, described))
-    check_memory(case, described.cells, cost)
-    return cost.seconds
+    return predicted_cost(case, run).seconds
 
 
 def _choice(case: Case, run: str, accuracy: float | None, prices: dict[str, float]) -> Choice:
@@ -182,7 +175,7 @@ def _unpriced(case: Case, prices: dict[str, float]) -> str:
 
 def _notes(case: Case, accuracy: float | None) -> tuple[str, ...]:
     """What the spacing does to the toughness, what the accuracy asks of it, and what the sizes leave out."""
-    notes = list(case.mesh_remarks)
+    notes = case.remarks
     if case.mesh.follow_crack:
         notes.append("sizes, memory and time are those of the first fine box; they grow with it")
     for name, material in case.materials.items():

@@ -26,10 +26,10 @@ def _sentence(error: OSError, path: Path) -> str:
     told = re.search(r"\[Errno (\d+)\]", str(error))  # shutil gathers those of many files in one error without number
     number = int(told[1]) if told and error.errno is None else error.errno
     if number in (errno.ENOSPC, errno.EDQUOT):
-        return f"{path}: the disk is full; free some space or choose another place with --out."
+        return f"{path}: the disk is full; free some space or give another place."
     if number in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return f"{path}: no permission to write here; choose another place with --out."
-    return f"{path}: could not be written ({error.strerror or error}); check the place given with --out."
+        return f"{path}: no permission to write here; give another place."
+    return f"{path}: could not be written ({error.strerror or error}); check it or give another place."
 
 
 @contextmanager

@@ -68,7 +68,8 @@ def _meshes(fields: ForeignFields) -> Iterator[tuple[float | None, pyvista.Unstr
 
     file = fields.file
     try:
-        reader = _Xdmf(file) if file.suffix.lower() in (".xdmf", ".xmf") else pyvista.get_reader(file)
+        with _without_warnings():
+            reader = _Xdmf(file) if file.suffix.lower() in (".xdmf", ".xmf") else pyvista.get_reader(file)
     except Exception as problem:  # of an ending without a reader, or a head that is no XML
         raise _unreadable(fields, " ".join(str(problem).split())[:200]) from None
     times = list(reader.time_values) if hasattr(reader, "time_values") else []
@@ -178,7 +179,7 @@ class _Reading:
         nodal = self._in_plane(nodal, axes, len(grid_points))
         given = {key: np.asarray(mesh.cell_data[name]) for key, name in names.items() if name in mesh.cell_data}
         central = {key: values[cells].mean(axis=1) for key, values in nodal.items()}
-        central |= {key: self._in_plane({key: values}, axes, len(cells))[key] for key, values in given.items()}
+        central |= self._in_plane(given, axes, len(cells))
         self._require_phase_field(central["phase_field"], signed_areas(grid_points, cells), names)
         return _fields(grid_points, cells, nodal, central, self.case.plane.thickness)
 

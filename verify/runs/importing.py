@@ -228,9 +228,9 @@ def _real_numbers(column: pd.Series) -> np.ndarray:
 
 
 def _kinds(case: Case) -> dict[str, str]:
-    """Kind of quantity of each column of a history: u is the time in dynamics, a number where loads follow it."""
-    by_load = {"displacement": "length", "number": "number"}[case.load_kinds[0]]
-    return KINDS_OF_COLUMNS | {"u": "time" if case.dynamics else by_load, "F": case.load_kinds[1]}
+    """Kind of quantity of each column of a history: u is a number where loads follow it."""
+    u, power = case.history_kinds
+    return KINDS_OF_COLUMNS | {"u": "length" if u == "displacement" else u, "F": power}
 
 
 def _apply_words(columns: dict[str, np.ndarray], mapping: Mapping, case: Case) -> None:

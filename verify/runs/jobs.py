@@ -22,6 +22,7 @@ from physics.rocking.records import missing_record
 from verify.runs.atomic import WriteError
 from verify.runs.cluster import LostTask, results
 from verify.runs.listeners import Listener, TimeLimit
+from verify.runs.memory import TooLargeError
 from verify.runs.processes import fresh_processes
 from verify.runs.progress import progress_view
 from verify.runs.provenance import resident_megabytes, source_hash
@@ -248,7 +249,7 @@ def do(job: Job) -> Outcome:
             )  # fmt: skip
     except WriteError as error:
         return Outcome(job.title, str(error), True)
-    except CaseError as error:
+    except (CaseError, TooLargeError) as error:
         return Outcome(job.title, str(error), True, refused=True)
     return _outcome(job, done, finished is not None)
 

@@ -74,6 +74,7 @@ class RunInfo(BaseModel):
     checksums: dict[str, str]
     title: str = ""
     case_source: str = ""
+    units: dict[str, str] = {}
     source_hash: str = ""
     processor: str = ""
     change: dict[str, Any] = {}
@@ -220,10 +221,14 @@ class RunFolder:
 
     @functools.cached_property
     def history(self) -> pd.DataFrame:
-        """One row for each increment or recorded time: `HISTORY_COLUMNS`, then further ones, in case units."""
+        """One row for each increment or recorded time: `HISTORY_COLUMNS`, then further ones, in case units.
+
+        ``history.attrs["units"]`` tells those of u, F, the time and the energies.
+        """
         table = self._numbers("history.csv", HISTORY_COLUMNS)
         if len(table) != self.info["increments"]:
             raise self._damaged("history.csv", f"has {len(table)} of {self.info['increments']} increments")
+        table.attrs["units"] = self.info.get("units", {})
         return table
 
     @functools.cached_property
@@ -296,6 +301,9 @@ class RunFolder:
 
         return fields_of(self.points(u), self.grid(u))
 
+    def __repr__(self) -> str:
+        return f"RunFolder({str(self.folder)!r}): {self.info['run']}, {self.info['status'].words}"
+
     def _repr_html_(self) -> str:
         """How it ended and its curve, in a notebook."""
         from verify.runs.sketch import sketch
@@ -304,10 +312,12 @@ class RunFolder:
         over = "time" if history["u"].equals(history["time"]) else "u"
         told = f"{info['case']}, tier {info['tier']}, run {info['run']}: {info['status']}"
         seconds = info.get("seconds", {}).get("total", 0.0)
-        curve = sketch({info["run"]: (history[over], history["F"])}, over, "F")
+        units = info.get("units", {})
+        x, y = (f"{name} [{units[name]}]" if name in units else name for name in (over, "F"))
+        curve = sketch({info["run"]: (history[over], history["F"])}, x, y)
         return (
             f"<p><b>{escape(told)}</b> {escape(info['reason'])}<br>{len(history)} increments, {seconds:.3g} s,"
-            f" largest |F| {history['F'].abs().max():.5g}</p>{curve}"
+            f" largest |F| {history['F'].abs().max():.5g} {escape(units.get('F', ''))}</p>{curve}"
         )
 
     @property

@@ -27,6 +27,7 @@ from verify.runs.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError,
 from verify.runs.frames import FrameWriter
 from verify.runs.importing import history_of
 from verify.runs.listeners import Listener, ObservedDiscretisation, SettledVerdict, StoppedError
+from verify.runs.memory import require_memory
 from verify.runs.provenance import PeakMemory, code_version, library_versions, processor_name, source_hash
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, case_folder, require_own_folder
 from verify.runs.run_writer import RunWriter, write_run
@@ -145,7 +146,8 @@ def run(
 
     Raises
     ------
-    CaseError : bad case. UserError : another argument is none. WriteError : the folder cannot be written.
+    CaseError : bad case. UserError : another argument is none, or the run needs more memory than this machine has.
+    WriteError : the folder cannot be written.
     InterruptedRunError : stopped.
     A solver that fails raises nothing: the folder's status and reason tell, beside the last good state where there was
     a way back to it: of a run that blew up there are the snapshots before.
@@ -160,6 +162,7 @@ def run(
         return finished
     if SOLVERS[merged.run_spec(run_name).solver].table:
         return tabulate(merged, run_name, folder)
+    require_memory(merged, run_name)
     return _compute(merged, run_name, folder, listeners, threads, resume)
 
 
@@ -168,7 +171,7 @@ def _require_usable(run_name: object, out: object, listeners: object, threads: o
     said = ""
     if not isinstance(run_name, str):
         said = f"run_name = {run_name!r} is no text; give the name of one of the case's runs, such as 'fem'"
-    elif not isinstance(out, str | Path):
+    elif not isinstance(out, str | Path) or not str(out).strip():
         said = f"out = {out!r} is no path; give a folder"
     elif isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 1:
         said = f"threads = {threads!r} is no number of threads; give 1 or more"
@@ -374,6 +377,7 @@ class _Attempt:
             "solver": self.case.run_spec(self.run_name).solver,
             "status": as_expected(self.status, self.case, self.run_name),
             "reason": self.reason,
+            "units": self.case.history_units,
             "case_hash": self.case.hash(),
             "change": self.case.change,
             "health": {name: round(value, 12) for name, value in self.health.items()},
@@ -388,6 +392,7 @@ class _Attempt:
             "measures": {
                 name: value if math.isfinite(value) else None for name, value in self.measures.items()
             },
+            "remarks": [f"run {self.run_name}: {said}" for said in self.case.contact_remarks],
         }
 
 

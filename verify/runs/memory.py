@@ -7,13 +7,34 @@ import psutil
 from cases import Case, UserError
 from cases.discretisation import Mesh
 from cases.spacing import count_cells
-from verify.planning.calibration import Cost
+from numerics.description import describe
+from verify.runs.costs import Cost, demand_of, predict
 
 MEGABYTE = 1e6
+#: cells of the grid that fit into the memory of any machine
+FEW_CELLS = 20_000
 
 
 class TooLargeError(UserError):
     """A run needs more memory than there is; its text names key, value and remedy."""
+
+
+def require_memory(case: Case, run: str) -> None:
+    """Raise TooLargeError for a run that needs more memory than this machine has, the run's changes merged in."""
+    if count_cells(case) > FEW_CELLS:
+        predicted_cost(case, run)
+
+
+def predicted_cost(case: Case, run: str) -> Cost:
+    """Predicted cost of a run, its case with the run's changes merged in.
+
+    Raises TooLargeError where this machine has too little memory.
+    """
+    solver = case.run_spec(run).solver
+    described = describe(case, solver)
+    cost = predict(demand_of(case, solver, described))
+    check_memory(case, described.cells, cost)
+    return cost
 
 
 def check_memory(case: Case, cells: int, cost: Cost) -> None:
