@@ -239,6 +239,25 @@ def test_a_pressed_slit_opens(tmp_path, run):
     assert opening == pytest.approx(4.0 * 1.0 / YOUNG, rel=0.1)
 
 
+def test_a_pressed_slit_beside_large_cells_takes_the_work_that_sneddon_says(tmp_path):
+    """The faces that are loaded are those of the fine cells, however large the largest are: pi p^2 a^2 / E of energy."""
+    side, half = 20.0, {"lower": [8.5, 9.7], "upper": [11.5, 10.3]}
+    held = [{"on": "corner", "direction": d, "value": 0} for d in "xy"] + [{"on": "foot", "direction": "y", "value": 0}]
+    tables = {
+        "mesh": {"h": 0.1, "coarse": 4.0, "fine": half}, "mpm": {"order": 1},
+        "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [side, side]}}}},
+        "boundaries": {
+            "crack": {"segment": [[9.0, 10.0], [11.0, 10.0]]}, "corner": {"point": [0.0, 0.0]},
+            "foot": {"point": [side, 0.0]},
+        },
+        "notches": [{"kind": "slit", "start": [9.0, 10.0], "end": [11.0, 10.0], "contact": False}],
+        "constraints": held, "tractions": [{"on": "crack", "pressure": 1.0}], "load": {"path": [0.0]},
+    }  # fmt: skip
+    fem, mpm = (solved(tmp_path, run, sound=False, **tables)[0][-1].row()["E_el"] for run in ("fem", "mpm"))
+    assert fem == pytest.approx(np.pi / YOUNG, rel=0.05)
+    assert mpm == pytest.approx(fem, rel=1e-6)
+
+
 @both
 def test_a_part_of_an_edge_is_loaded_as_far_as_it_is_drawn(tmp_path, run):
     """The segment ends within cells: forces and lengths are those of the drawn part."""
