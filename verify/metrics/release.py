@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 #: share of the outer box that the bodies must fill: a machined notch may take some of it
 FILLED = 0.9
+#: a seam or a traced crack is parallel to a direction where it goes aside by no more than this share of its way
+SLANT = 0.1
 
 
 def release_rate(
@@ -30,9 +33,10 @@ def release_rate(
     data : fields of the points of a snapshot. load : its load parameter. direction, inner, outer : as of
         `verify.metrics.energy_release`.
 
-    Raises MetricError where the outer box goes out of the bodies, or holds the other end of the slit.
+    Raises MetricError where the outer box goes out of the bodies, holds another end of a slit, or a seam of two materials
+    that the crack's direction crosses: what moves these along would release energy too.
     """
-    _require_box(case, np.asarray(tip, dtype=float), outer)
+    _require_box(case, np.asarray(tip, dtype=float), np.asarray(direction, dtype=float), outer)
     points, volume = np.asarray(data["reference"])[:, :2], np.asarray(data["volume"])
     gradient = np.asarray(data["gradient"])
     rate = energy_release_rate(
@@ -48,7 +52,7 @@ def release_rate(
     return rate + sum(loaded)
 
 
-def _require_box(case: Case, tip: NDArray, outer: float) -> None:
+def _require_box(case: Case, tip: NDArray, direction: NDArray, outer: float) -> None:
     box = shapely.box(*(tip - outer), *(tip + outer))
     bodies = shapely.union_all(outlines(case))
     filled = bodies.intersection(box).area / box.area
@@ -56,13 +60,52 @@ def _require_box(case: Case, tip: NDArray, outer: float) -> None:
     if filled < FILLED:
         said = f"{place} the bodies fill {filled:.0%} of the box of outer = {outer:g}"
         raise MetricError(f"case {case.name}: {said}; make it smaller, or give the whole body")
+    along = direction / np.linalg.norm(direction)
     for slit in (notch for notch in case.all_notches if notch.kind == "slit"):
         ends = np.array([slit.start, slit.end])
         at_tip = np.abs(ends - tip).max(axis=1) < SAME_LINE * case.mesh.h
-        other = shapely.Point(ends[0 if at_tip[1] else 1])
-        if at_tip.any() and box.contains(other) and bodies.contains(other):
-            said = f"{place} the box of outer = {outer:g} holds the other end of the slit too"
-            raise MetricError(f"case {case.name}: {said}; make it smaller than the slit is long")
+        for end in ends[~at_tip]:
+            inside = box.contains(shapely.Point(end)) and bodies.contains(shapely.Point(end))
+            if inside and at_tip.any():
+                said = f"{place} the box of outer = {outer:g} holds the other end of the slit too"
+                raise MetricError(f"case {case.name}: {said}; make it smaller than the slit is long")
+            if inside and not _is_behind(end - tip, along):
+                said = f"{place} the box of outer = {outer:g} holds an end of another slit, at ({end[0]:g}, {end[1]:g})"
+                raise MetricError(f"case {case.name}: {said}; make it smaller than they are apart")
+    if seam := _seam_across(case, box, along):
+        said = f"{place} the crack's direction crosses the seam of {seam} in the box of outer = {outer:g}"
+        raise MetricError(f"case {case.name}: {said}, which releases energy too; make it smaller than they are apart")
+
+
+def _is_behind(offset: NDArray, along: NDArray) -> bool:
+    """A place by its offset (2,) from the tip is on the crack behind it, straight but for a little."""
+    ahead, aside = float(offset @ along), float(along[0] * offset[1] - along[1] * offset[0])
+    return ahead < 0.0 and abs(aside) <= SLANT * abs(ahead)
+
+
+def _seam_across(case: Case, box: shapely.Polygon, along: NDArray) -> str:
+    """Names of two bodies with other elastic laws whose seam in the box goes across a direction (2,); empty without."""
+    slack = SAME_LINE * case.mesh.h
+    shapes = dict(zip(case.bodies, (outline.intersection(box) for outline in outlines(case)), strict=True))
+    for (one, shape), (other, beside) in combinations(shapes.items(), 2):
+        if _law(case, one) == _law(case, other):
+            continue
+        seam = shapely.get_parts(shape.boundary.intersection(beside.buffer(slack)))
+        steps = [np.diff(shapely.get_coordinates(part), axis=0) for part in seam]
+        way = np.concatenate([np.zeros((0, 2)), *steps])
+        length, across = np.linalg.norm(way, axis=1).sum(), np.abs(along[0] * way[:, 1] - along[1] * way[:, 0]).sum()
+        if length > 8.0 * slack and across > SLANT * length:
+            return f"{one} and {other}"
+    return ""
+
+
+def _law(case: Case, name: str) -> tuple[object, ...]:
+    """What the stress in a body follows: its elastic constants, and the eigenstrains on it."""
+    material = case.materials[case.bodies[name].material]
+    constants = material.model_dump_json(exclude={"fracture", "density", "expansion"})
+    acting = [number for number, item in enumerate(case.eigenstrains) if item.on in (None, name)]
+    warm = any(case.eigenstrains[number].temperature for number in acting)
+    return constants, tuple(acting), material.expansion if warm else None
 
 
 def _of_body_forces(
