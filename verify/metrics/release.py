@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cases.notches import Segment
 from cases.spacing import SAME_LINE, cell_sizes
 from numerics.description import outlines
+from numerics.seams import seams
 from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
 from verify.metrics.metric import MetricError
 
@@ -85,27 +85,14 @@ def _is_behind(offset: NDArray, along: NDArray) -> bool:
 
 def _seam_across(case: Case, box: shapely.Polygon, along: NDArray) -> str:
     """Names of two bodies with other elastic laws whose seam in the box goes across a direction (2,); empty without."""
-    slack = SAME_LINE * case.mesh.h
-    shapes = dict(zip(case.bodies, (outline.intersection(box) for outline in outlines(case)), strict=True))
-    for (one, shape), (other, beside) in combinations(shapes.items(), 2):
-        if _law(case, one) == _law(case, other):
-            continue
-        seam = shapely.get_parts(shape.boundary.intersection(beside.buffer(slack)))
-        steps = [np.diff(shapely.get_coordinates(part), axis=0) for part in seam]
-        way = np.concatenate([np.zeros((0, 2)), *steps])
+    for seam in seams(case):
+        inside = shapely.get_parts(shapely.intersection(shapely.linestrings(seam.stretches), box))
+        ends = [shapely.get_coordinates(part)[[0, -1]] for part in inside if part.length > 0.0]
+        way = np.array([np.subtract(*pair) for pair in ends]).reshape(-1, 2)
         length, across = np.linalg.norm(way, axis=1).sum(), np.abs(along[0] * way[:, 1] - along[1] * way[:, 0]).sum()
-        if length > 8.0 * slack and across > SLANT * length:
-            return f"{one} and {other}"
+        if across > SLANT * length:
+            return f"{seam.one} and {seam.other}"
     return ""
-
-
-def _law(case: Case, name: str) -> tuple[object, ...]:
-    """What the stress in a body follows: its elastic constants, and the eigenstrains on it."""
-    material = case.materials[case.bodies[name].material]
-    constants = material.model_dump_json(exclude={"fracture", "density", "expansion"})
-    acting = [number for number, item in enumerate(case.eigenstrains) if item.on in (None, name)]
-    warm = any(case.eigenstrains[number].temperature for number in acting)
-    return constants, tuple(acting), material.expansion if warm else None
 
 
 def _of_body_forces(
