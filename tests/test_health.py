@@ -502,6 +502,25 @@ def test_a_circle_in_long_cells_is_held_by_the_points_that_reach_it(tmp_path):
     assert mpm.history["F"].iloc[-1] == pytest.approx(fem.history["F"].iloc[-1], rel=0.04)
 
 
+@pytest.mark.parametrize(("order", "moves", "crossed"), [(2, True, True), (2, False, False), (1, True, True)])
+def test_edges_under_tractions_that_leave_their_cells_are_told(order, moves, crossed, tmp_path):
+    """A cantilever bent by a traction on its end, whose corner goes on into cells in which nothing was."""
+    tables = {
+        **PLATE, "bodies": {"beam": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [4, 1]}}}},
+        "boundaries": {}, "mesh": {"h": 0.2}, "mpm": {"order": order, "move_points": moves},
+        "constraints": [{"on": "left", "direction": direction, "value": 0} for direction in "xy"],
+        "tractions": [{"on": "right", "value": [0.0, 1.0], "ramp": "load"}],
+        "load": {"path": [0.0, 0.2], "increment": 0.01},
+    }  # fmt: skip
+    done = running.run(case_from_tables(tables, run="mpm"), "mpm", out=tmp_path, threads=1)
+    factor = done.history["F"].to_numpy()[1:] / done.history["u"].to_numpy()[1:]
+    assert (factor.max() > 1.2 * factor[0]) == (crossed and order == 2)
+    assert ("crossed_edge" in beyond(done.info["health"])) == crossed
+    short = {**tables, "load": {"path": [0.0, 0.02], "increment": 0.01}}
+    found = examined(case_from_tables(short, run="mpm"), tmp_path / "short", "mpm")
+    assert found["crossed_edge"] == 0.0
+
+
 WEDGE = {"polygon": {"points": [[0, 0], [2, 0], [2, 1], [0, 1], [0, 0.51], [1, 0.5], [0, 0.49]]}}
 SLANTED = {"polygon": {"points": [[0.4, 0.29], [1.2, 0.69], [1.2, 0.71], [0.4, 0.31]]}}
 
