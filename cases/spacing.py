@@ -25,9 +25,10 @@ def grid_lines(case: Case) -> tuple[Array, Array]:
 
     The spacing is h inside the fine box (everywhere without one) and that of each box of `mesh.refine` inside it.
     Outside, neighbouring spacings grow by `mesh.growth` up to `mesh.coarse`. The bounding box, the fine box, the
-    straight axis-parallel edges of the bodies, boundary points, boundary boxes that are at least h wide, tips of
-    notches, slits along an axis and the outlines of cells-notches along an axis are lines; between two of them the
-    spacings shrink a little to fit, and never exceed 1.001 h in the fine box.
+    straight axis-parallel edges of the bodies, boundary points, boundary boxes that are at least h wide, the ends of
+    segments along an axis that are held and as long, tips of notches, slits along an axis and the outlines of
+    cells-notches along an axis are lines; between two of them the spacings shrink a little to fit, and never exceed
+    1.001 h in the fine box.
 
     Returns
     -------
@@ -104,10 +105,13 @@ def _fine_interval(case: Case, axis: int, lower: float, upper: float) -> tuple[f
 def _feature_lines(case: Case, axis: int) -> list[float]:
     """Coordinates that must be lines because a notch, a body's edge, a held point or a held box ends there."""
     lines = [line for notch in case.all_notches for line in _notch_lines(notch, axis)]
-    for boundary in case.boundaries.values():
+    held = {constraint.on for constraint in case.constraints}
+    for name, boundary in case.boundaries.items():
         lines += [boundary.point[axis]] if boundary.point else []
-        if boundary.box and boundary.box.upper[axis] - boundary.box.lower[axis] >= case.mesh.h * (1 - STRETCH):
-            lines += [boundary.box.lower[axis], boundary.box.upper[axis]]
+        ends = (boundary.box.lower, boundary.box.upper) if boundary.box else boundary.segment if name in held else None
+        level = boundary.box or (ends and ends[0][1 - axis] == ends[1][1 - axis])
+        if ends and level and abs(ends[1][axis] - ends[0][axis]) >= case.mesh.h * (1 - STRETCH):
+            lines += [ends[0][axis], ends[1][axis]]
     for body in case.bodies.values():
         if body.shape:
             lines += body.shape.straight_lines()[axis]

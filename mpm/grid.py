@@ -16,6 +16,8 @@ from mpm.inclined_slits import InclinedSlit, check_apart, inclined_slits
 from mpm.slits import GridError, GridSlit, SlitLine, slit_lines
 from mpm.splines import Axis
 from numerics.closing import Faces
+from numerics.description import fourth_order
+from numerics.seams import seams
 from numerics.staggered import NewtonError
 
 
@@ -57,6 +59,7 @@ class Grid:
         self._slit_lines = slit_lines(case)
         self.slits = [slit for line in self._slit_lines for slit in line.slits]
         self.inclined = inclined_slits(case)
+        self._seams = _lines_of_seams(case)
         lines = [_widened(np.asarray(axis), case.mpm.margin) for axis in grid_lines(case)]
         self.axes = [Axis(lines[d], self.order, self._multiplicity(d, lines[d])) for d in (0, 1)]
         self.node_number, self.n_nodes = self._join_functions()
@@ -83,20 +86,21 @@ class Grid:
         return self.axes[0].n_cells, self.axes[1].n_cells
 
     def _multiplicity(self, direction: int, lines: NDArray) -> dict[int, int]:
-        """Knots to repeat: broken on a slit's line, C0 at its tips."""
+        """Knots to repeat: broken on a slit's line, C0 at its tips and on seams of two materials."""
         repeats: dict[int, int] = {}
+        self._repeat_at(repeats, lines, self._seams[direction])
         for slit_line in self._slit_lines:
             if slit_line.normal == direction:
                 repeats[_line_index(lines, slit_line.position)] = self.order + 1
                 continue
-            self._repeat_at_tips(repeats, lines, slit_line.tips[:, direction])
+            self._repeat_at(repeats, lines, slit_line.tips[:, direction])
         for slit in self.inclined:
-            self._repeat_at_tips(repeats, lines, slit.tips[:, direction])
+            self._repeat_at(repeats, lines, slit.tips[:, direction])
         return repeats
 
-    def _repeat_at_tips(self, repeats: dict[int, int], lines: NDArray, tips: NDArray) -> None:
-        for tip in tips:
-            index = _line_index(lines, tip)
+    def _repeat_at(self, repeats: dict[int, int], lines: NDArray, places: NDArray) -> None:
+        for place in places:
+            index = _line_index(lines, place)
             repeats[index] = max(self.order, repeats.get(index, 0))
 
     def _join_functions(self) -> tuple[NDArray, int]:
@@ -259,6 +263,21 @@ def _of_cells(number: NDArray, axes: list[Axis], x: NDArray, y: NDArray) -> NDAr
     offsets = np.arange(axes[0].order + 1)
     rows, columns = ((axis.spans[c] - axis.order)[..., None] + offsets for axis, c in zip(axes, (x, y), strict=True))
     return number[rows[..., :, None], columns[..., None, :]].reshape(*x.shape, -1)
+
+
+def _lines_of_seams(case: Case) -> tuple[NDArray, NDArray]:
+    """Places in x and in y of the grid's lines along which strain jumps from one body to another.
+
+    None for a phase field of fourth order, whose slope may not jump.
+    """
+    stretches = [seam.stretches for seam in ([] if fourth_order(case) else seams(case))]
+    ends = np.concatenate([np.zeros((0, 2, 2)), *stretches])
+    found = []
+    for axis, lines in enumerate(grid_lines(case)):
+        places = ends[ends[:, 0, axis] == ends[:, 1, axis], 0, axis]
+        near = np.abs(places[:, None] - np.asarray(lines)).min(axis=1, initial=np.inf) < SAME_LINE * case.mesh.h
+        found.append(np.unique(places[near]))
+    return found[0], found[1]
 
 
 def _line_index(lines: NDArray, position: float) -> int:

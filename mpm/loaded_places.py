@@ -18,6 +18,8 @@ from numerics.surface import Edges, check_loaded_length, drawn_edges
 GAUSS_POINTS = 3
 #: a place is loaded where a material point lies no further than this from it, in multiples of its extent
 NEAR = 2.0
+#: points are asked from a place so far within the edge, in multiples of a point's extent across it
+INSIDE = 0.25
 #: so many points are asked; slits at an angle leave small parts of points beside large ones
 CANDIDATES = 8
 
@@ -39,9 +41,10 @@ def loaded_places(case: Case, number: int, cloud: PointCloud, divided: Callable[
     traction, drawn = case.tractions[number], drawn_edges(case)
     edges = divided(drawn.cut(drawn.on(case, case.boundaries[traction.on])))
     places, length, normal = _gauss_points(edges)
-    # asked from a little inside, so that the nearest one is of the body
-    nearest = min(CANDIDATES, len(cloud.volume))
-    found = KDTree(cloud.positions).query(places - 0.25 * cloud.size.max() * normal, k=nearest)
+    # asked from a little inside, so that the nearest one is of the body; the points at the place tell how little
+    nearest, tree = min(CANDIDATES, len(cloud.volume)), KDTree(cloud.positions)
+    extent = np.sum(np.abs(normal) * cloud.size[tree.query(places)[1]], axis=1)
+    found = tree.query(places - INSIDE * extent[:, None] * normal, k=nearest)
     distance, candidates = (np.asarray(part).reshape(len(places), nearest) for part in found)
     # points across a slit may be nearer than those whose face is loaded
     away = np.einsum("nci,ni->nc", cloud.positions[candidates] - places[:, None], normal)

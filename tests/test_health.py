@@ -469,6 +469,58 @@ def test_tips_of_a_slit_under_pressure_cost_more(solver, tmp_path):
     assert told > INDICATORS["coarse_tips"].limit
 
 
+def held_hole(mesh: dict[str, Any], order: int) -> dict[str, Any]:
+    """A square plate on a pin that fills its hole, pulled by a traction on its top."""
+    whole, hole = {"rectangle": {"lower": [-4, -4], "upper": [4, 4]}}, {"centre": [2.0, 2.0], "radius": 1.0}
+    return {
+        **PLATE, "mesh": mesh, "mpm": {"order": order}, "boundaries": {"pin": {"circle": hole}},
+        "bodies": {"plate": {"material": "steel", "shape": {"difference": {"of": whole, "minus": [{"disc": hole}]}}}},
+        "constraints": [{"on": "pin", "direction": direction, "value": 0} for direction in "xy"],
+        "tractions": [{"on": "top", "value": [0.0, 1.0], "ramp": "load"}],
+        "load": {"path": [0.0, 1.0], "increment": 1.0},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("h", "order", "told"), [(0.4, 1, True), (0.2, 1, False), (0.4, 2, False)])
+def test_a_circle_held_by_few_cells_is_told(h, order, told, tmp_path):
+    fem, mpm = (
+        running.run(case_from_tables(held_hole({"h": h}, order), run=solver), solver, out=tmp_path, threads=1)
+        for solver in ("fem", "mpm")
+    )
+    assert (abs(mpm.history["F"].iloc[-1] / fem.history["F"].iloc[-1] - 1.0) > 0.05) == told
+    assert ("coarse_circle" in beyond(mpm.info["health"])) == told
+    assert "coarse_circle" not in fem.info["health"]
+
+
+def test_a_circle_in_long_cells_is_held_by_the_points_that_reach_it(tmp_path):
+    """In cells ten times as long as high, a reach as long as they are holds all rows of points beside the circle."""
+    long = {"h": 0.05, "coarse": 0.5, "fine": {"lower": [-0.3, 1.0], "upper": [0.3, 3.0]}}
+    fem, mpm = (
+        running.run(case_from_tables(held_hole(long, 1), run=solver), solver, out=tmp_path, threads=1)
+        for solver in ("fem", "mpm")
+    )
+    assert mpm.history["F"].iloc[-1] == pytest.approx(fem.history["F"].iloc[-1], rel=0.04)
+
+
+@pytest.mark.parametrize(("order", "moves", "crossed"), [(2, True, True), (2, False, False), (1, True, True)])
+def test_edges_under_tractions_that_leave_their_cells_are_told(order, moves, crossed, tmp_path):
+    """A cantilever bent by a traction on its end, whose corner goes on into cells in which nothing was."""
+    tables = {
+        **PLATE, "bodies": {"beam": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [4, 1]}}}},
+        "boundaries": {}, "mesh": {"h": 0.2}, "mpm": {"order": order, "move_points": moves},
+        "constraints": [{"on": "left", "direction": direction, "value": 0} for direction in "xy"],
+        "tractions": [{"on": "right", "value": [0.0, 1.0], "ramp": "load"}],
+        "load": {"path": [0.0, 0.2], "increment": 0.01},
+    }  # fmt: skip
+    done = running.run(case_from_tables(tables, run="mpm"), "mpm", out=tmp_path, threads=1)
+    factor = done.history["F"].to_numpy()[1:] / done.history["u"].to_numpy()[1:]
+    assert (factor.max() > 1.2 * factor[0]) == (crossed and order == 2)
+    assert ("crossed_edge" in beyond(done.info["health"])) == crossed
+    short = {**tables, "load": {"path": [0.0, 0.02], "increment": 0.01}}
+    found = examined(case_from_tables(short, run="mpm"), tmp_path / "short", "mpm")
+    assert found["crossed_edge"] == 0.0
+
+
 WEDGE = {"polygon": {"points": [[0, 0], [2, 0], [2, 1], [0, 1], [0, 0.51], [1, 0.5], [0, 0.49]]}}
 SLANTED = {"polygon": {"points": [[0.4, 0.29], [1.2, 0.69], [1.2, 0.71], [0.4, 0.31]]}}
 

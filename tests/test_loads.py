@@ -1,5 +1,6 @@
 """What acts on bodies at rest: tractions and pressure, body forces, eigenstrains, tables; against exact answers."""
 
+import meshio
 import numpy as np
 import pandas as pd
 import pytest
@@ -239,6 +240,25 @@ def test_a_pressed_slit_opens(tmp_path, run):
     assert opening == pytest.approx(4.0 * 1.0 / YOUNG, rel=0.1)
 
 
+def test_a_pressed_slit_beside_large_cells_takes_the_work_that_sneddon_says(tmp_path):
+    """The faces that are loaded are those of the fine cells, however large the largest are: pi p^2 a^2 / E of energy."""
+    side, half = 20.0, {"lower": [8.5, 9.7], "upper": [11.5, 10.3]}
+    held = [{"on": "corner", "direction": d, "value": 0} for d in "xy"] + [{"on": "foot", "direction": "y", "value": 0}]
+    tables = {
+        "mesh": {"h": 0.1, "coarse": 4.0, "fine": half}, "mpm": {"order": 1},
+        "bodies": {"plate": {"material": "steel", "shape": {"rectangle": {"lower": [0, 0], "upper": [side, side]}}}},
+        "boundaries": {
+            "crack": {"segment": [[9.0, 10.0], [11.0, 10.0]]}, "corner": {"point": [0.0, 0.0]},
+            "foot": {"point": [side, 0.0]},
+        },
+        "notches": [{"kind": "slit", "start": [9.0, 10.0], "end": [11.0, 10.0], "contact": False}],
+        "constraints": held, "tractions": [{"on": "crack", "pressure": 1.0}], "load": {"path": [0.0]},
+    }  # fmt: skip
+    fem, mpm = (solved(tmp_path, run, sound=False, **tables)[0][-1].row()["E_el"] for run in ("fem", "mpm"))
+    assert fem == pytest.approx(np.pi / YOUNG, rel=0.05)
+    assert mpm == pytest.approx(fem, rel=1e-6)
+
+
 @both
 def test_a_part_of_an_edge_is_loaded_as_far_as_it_is_drawn(tmp_path, run):
     """The segment ends within cells: forces and lengths are those of the drawn part."""
@@ -254,11 +274,15 @@ def test_a_part_of_an_edge_is_loaded_as_far_as_it_is_drawn(tmp_path, run):
 
 
 def test_a_constraint_holds_what_is_drawn_or_is_refused(tmp_path):
-    """The set ends within cells: quadrilaterals have no nodes there, triangles get some, on straight and round edges."""
+    """The set ends within cells: those of a file have no nodes there, triangles get some, on straight and round edges."""
     held = [{"on": "part", "direction": d, "value": 0} for d in "xy"]
     tables = {"boundaries": {"part": {"segment": [[0.3, 0.0], [1.13, 0.0]]}}, "constraints": held}
+    loads = {"tractions": [{"on": "top", "pressure": 1.0, "ramp": "load"}]}
+    drawn = FiniteElements(bar(tmp_path, "fem", **loads)).basis
+    meshio.Mesh(np.pad(drawn.nodes, ((0, 0), (0, 1))), [("quad", drawn.elements)]).write(tmp_path / "bar.vtk")
+    read = {"bodies": {"bar": {"material": "steel", "mesh": "bar.vtk"}}}
     with pytest.raises(CaseError, match=r"constraints\[0\].on = 'part': 0.5 mm of edge are held of 0.83 drawn; let it"):
-        FiniteElements(bar(tmp_path, "fem", **tables, tractions=[{"on": "top", "pressure": 1.0, "ramp": "load"}]))
+        FiniteElements(bar(tmp_path, "fem", **tables, **read, **loads))
     disc = {"bodies": {"disc": {"material": "steel", "shape": {"disc": {"centre": [0, 0], "radius": 1}}}}}
     box = {"box": {"lower": [-0.2, -1], "upper": [0.23, -0.9]}}
     for shape, part in (({}, tables["boundaries"]["part"]), (disc, box)):
@@ -268,6 +292,25 @@ def test_a_constraint_holds_what_is_drawn_or_is_refused(tmp_path):
         on = nodes[case.boundaries["part"].select(nodes, 1e-6, case.bounding_box())]
         ends = (0.3, 1.13) if not shape else (-0.2, 0.23)
         assert (on[:, 0].min(), on[:, 0].max()) == pytest.approx(ends, abs=1e-6)
+
+
+def test_what_is_held_along_a_segment_is_what_is_held_along_a_flat_box(tmp_path):
+    """Supports that end within large cells of a graded grid, whose hat functions would hold an edge beyond them."""
+    graded = {"h": 0.1, "coarse": 1.0, "growth": 2.0, "fine": {"lower": [1.9, 0.0], "upper": [2.1, 0.2]}}
+
+    def energy(run, ends):
+        boundaries = {name: ends([x, 0.0], [x + 0.6, 0.0]) for name, x in (("first", 0.0), ("last", LENGTH - 0.6))}
+        tables = {
+            "boundaries": boundaries, "mesh": graded, "mpm": {"order": 1}, "load": {"path": [0.0]},
+            "constraints": [{"on": on, "direction": d, "value": 0} for on in boundaries for d in "xy"],
+            "tractions": [{"on": "top", "pressure": 1.0}],
+        }  # fmt: skip
+        return solved(tmp_path, run, sound=False, **tables)[0][-1].row()["E_el"]
+
+    expected = energy("fem", lambda start, end: {"box": {"lower": start, "upper": end}})
+    for run in SOLVERS:
+        for ends in (lambda start, end: {"segment": [start, end]}, lambda start, end: {"segment": [end, start]}):
+            assert energy(run, ends) == pytest.approx(expected, rel=1e-3)
 
 
 @both

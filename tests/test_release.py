@@ -125,3 +125,55 @@ def test_body_forces_count_in_any_box(tmp_path):
     for inner, outer in ((0.05, 0.15), (0.1, 0.25), (0.25, 0.39)):
         found = METRICS["energy_release_rate"](hanging(0.4), inner=inner, outer=outer)
         assert found == pytest.approx(np.diff(energies)[0] / 0.04, rel=0.03)
+
+
+SEAMED = """
+title = "Crack beside another material"
+requirement = "What the seam would release is not the crack's."
+units = { length = "mm", force = "N" }
+plane = { assumption = "stress", thickness = 2.0 }
+materials.soft = { young = 100, poisson = 0.3, expansion = 1e-5 }
+materials.same = { young = 1000, poisson = 0.3, expansion = 1e-5 }
+materials.m = { young = 1000, poisson = 0.3, expansion = 1e-5 }
+bodies.plate = { material = "m", shape = { rectangle = { lower = [-2, -2], upper = [RIGHT, TOP] } } }
+bodies.other = { material = "OTHER", shape = { rectangle = { lower = LOWER, upper = [2, 2] } } }
+notches = [{ kind = "slit", start = [-2, 0], end = [0, 0], contact = false }, SECOND]
+constraints = [{ on = "bottom", direction = "x", value = 0 }, { on = "bottom", direction = "y", value = 0 }, { on = "top", direction = "y", scale = 1 }]
+load = { path = [0.0, 1e-3], increment = 1e-3 }
+output.snapshots = [1e-3]
+mesh.h = 0.1
+runs.fem = { solver = "fem" }
+"""  # noqa: E501 (tables in one line end there)
+AHEAD = {"RIGHT": "0.6", "TOP": "2", "LOWER": "[0.6, -2]", "OTHER": "soft", "SECOND": ""}
+ALONG = {**AHEAD, "RIGHT": "2", "TOP": "0", "LOWER": "[-2, 0]"}
+SECOND = '{ kind = "slit", start = [2, 0.5], end = [0.5, 0.5], contact = false }'
+HEATED = 'eigenstrains = [{ on = "other", temperature = 10.0 }]\nmesh.h'
+
+
+@pytest.mark.parametrize(
+    ("changes", "outer", "said"),
+    [
+        (AHEAD, 0.8, "crosses the seam of plate and other in the box of outer = 0.8"),
+        (AHEAD, 0.5, ""),
+        (ALONG, 0.8, ""),
+        ({**AHEAD, "OTHER": "same"}, 0.8, ""),
+        ({**AHEAD, "OTHER": "m", "mesh.h": HEATED}, 0.8, "crosses the seam"),
+        ({**AHEAD, "OTHER": "m", "SECOND": SECOND}, 0.8, r"holds an end of another slit, at \(0.5, 0.5\)"),
+        ({**AHEAD, "OTHER": "m", "SECOND": SECOND}, 0.4, ""),
+    ],
+)
+def test_what_something_else_in_the_box_releases_is_not_taken_for_the_crack_s(tmp_path, changes, outer, said):
+    text = SEAMED
+    for word, value in changes.items():
+        text = text.replace(word, value)
+    (tmp_path / "seamed.toml").write_text(text)
+    solved = run(tmp_path / "seamed.toml", "fem", out=tmp_path, threads=1)
+    around = {"tip": [0.0, 0.0], "direction": [1.0, 0.0], "inner": 0.2, "outer": outer}
+    if said:
+        with pytest.raises(MetricError, match=said):
+            METRICS["energy_release_rate"](solved, **around)
+    else:
+        assert METRICS["energy_release_rate"](solved, **around) > 0.0
+    if changes is ALONG:
+        with pytest.raises(MetricError, match="lies on a seam of m and soft, and K_I is no root of J E'"):
+            METRICS["geometry_factor"](solved, **around, length=2.0, section=4.0, u=1e-3)

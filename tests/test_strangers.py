@@ -480,6 +480,46 @@ def test_a_phase_field_that_would_be_held_between_the_lines_of_a_grid_is_refused
             DISCRETISATIONS[solver](plate(solver, **changes))
 
 
+def layers(width: float, height: float) -> dict[str, Any]:
+    """A plate of 2 by 1 whose part beyond a width and a height is another body of a softer material that expands."""
+    sizes = {"stiff": ([0, 0], [width, height]), "soft": ([0, height] if width == 2 else [width, 0], [2, 1])}
+    return {
+        "materials": {"stiff": {"young": 210.0, "poisson": 0.0}, "soft": {"young": 10.0, "poisson": 0.0}},
+        "bodies": {
+            name: {"material": name, "shape": {"rectangle": {"lower": lower, "upper": upper}}}
+            for name, (lower, upper) in sizes.items()
+        },
+        "constraints": [{"on": "left", "direction": "x", "value": 0}, {"on": "bottom", "direction": "y", "value": 0}],
+        "boundaries": {}, "mesh": {"h": 0.25},
+    }  # fmt: skip
+
+
+def pulled(**changes: Any) -> Case:
+    """Two materials in series."""
+    series = layers(1.0, 1.0)
+    constraints = [*series["constraints"], {"on": "right", "direction": "x", "scale": 1}]
+    return plate("mpm", **{**series, "constraints": constraints, **changes})
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_strain_jumps_across_the_seam_of_two_materials(order):
+    """In series, and in a layer that swells freely on one that does not."""
+    assert force(pulled(mpm={"order": order}), "mpm") == pytest.approx(1e-3 / (1 / 210 + 1 / 10), rel=1e-4)
+    swollen = [{"on": "soft", "value": [[0.0, 0.0], [0.0, 1e-3]], "ramp": "load"}]
+    ramped = {"eigenstrains": swollen, "load": {"path": [0.0, 1.0], "increment": 1.0}}
+    swelling = plate("mpm", **{**layers(2.0, 0.5), **ramped, "mpm": {"order": order}})
+    *_, last = solver_records(DISCRETISATIONS["mpm"](swelling), swelling)
+    assert last.row()["E_el"] < 1e-6 * 10.0 * 1e-3**2
+
+
+@pytest.mark.parametrize(("order", "kinks"), [(2, 1), (4, 0)])
+def test_a_grid_has_kinks_on_seams_unless_the_phase_field_is_of_fourth_order(order, kinks):
+    fracture = {"toughness": 0.0027, "length_scale": 0.5, "order": order}
+    materials = {name: {**material, "fracture": fracture} for name, material in layers(1.0, 1.0)["materials"].items()}
+    axis = Grid(pulled(materials=materials, mpm={"order": 2})).axes[0]
+    assert axis.n_functions == axis.n_cells + 2 + kinks
+
+
 @pytest.mark.parametrize("table", [PLATE, BEAM])
 def test_the_grid_of_material_points_shows_no_displacement_in_place_of_none_at_all(table, tmp_path):
     """It is made anew for each increment; points and finite elements have moved."""

@@ -177,11 +177,11 @@ class PointsOn:
         return held, np.clip(cloud.positions[held], lower, upper) - cloud.positions[held]
 
     def _on_circle(self, circle: Circle) -> tuple[NDArray, NDArray]:
-        """Points whose rectangles reach the circle, held at the nearest place on it."""
+        """Points that reach the circle, by the ellipses round their rectangles, held at the nearest place on it."""
         cloud = self._cloud
         outward = cloud.positions - np.asarray(circle.centre)
         distance = np.linalg.norm(outward, axis=1)
-        reach = REACH * np.sqrt(2.0) * cloud.size.max(axis=1)
+        reach = REACH * np.sqrt(2.0) * np.linalg.norm(outward * cloud.size, axis=1) / distance
         places = np.flatnonzero(np.abs(distance - circle.radius) <= reach)
         return places, outward[places] * (circle.radius / distance[places] - 1.0)[:, None]
 

@@ -13,7 +13,9 @@ from mpm.loaded_places import by_cells, loaded_places
 from mpm.placement import PointCloud
 from mpm.quasi_static.equilibrium import GridEquilibrium
 from mpm.quasi_static.point_basis import PointBasis
+from mpm.quasi_static.point_state import PointState
 from numerics.sparse_pattern import gather_vector
+from numerics.surface import loaded_lengths
 from physics.acting import Acts, body_forces
 from physics.exact import SOLUTIONS
 
@@ -35,12 +37,18 @@ class PointLoads:
         places = [loaded_places(case, number, cloud, partial(by_cells, grid)) for number in range(len(case.tractions))]
         #: of edge that each traction acts on [length]
         self.lengths = [p.length for p in places]
-        self._points = np.concatenate([np.zeros(0, int), *(p.points for p in places)])
+        #: material points (n,) that carry loaded places
+        self.points = np.concatenate([np.zeros(0, int), *(p.points for p in places)])
         self._offset, force = (np.concatenate([np.zeros((0, 2)), *parts]) for parts in (
             [p.offset for p in places], [p.force for p in places]))  # fmt: skip
         follows = [np.full((len(p.points), 1), t.follows_load) for p, t in zip(places, case.tractions, strict=True)]
         share = np.concatenate([np.zeros((0, 1)), *follows])
         self._forces = Acts((1.0 - share) * force, share * force)
+
+    def measures(self, basis: PointBasis, state: PointState) -> dict[str, float]:
+        """Length of edge that each traction acts on [length], and the share of its points that have left their cells."""
+        crossed = {"crossed_edge": basis.newly_filled(state, self.points)} if len(self.points) else {}
+        return loaded_lengths(self.lengths) | crossed
 
     def on_nodes(self, basis: PointBasis, equilibrium: GridEquilibrium, positions: NDArray) -> Acts:
         """Forces (2 n_nodes,) on the grid, from points at positions (n_points, 2)."""
@@ -50,13 +58,13 @@ class PointLoads:
         if self._exact is not None:
             following = following + self._exact(self._case, positions, 1.0)
         cell = basis.active.cells.cell
-        of_edges = basis.values_beside(self._points, self._offset)
+        of_edges = basis.values_beside(self.points, self._offset)
 
         def gathered(on_edges: NDArray, densities: NDArray) -> NDArray:
             size, unknowns = len(equilibrium.equations), equilibrium.unknowns
             forces = densities * basis.filled_volume[:, None]
             total = gather_vector(unknowns[cell], basis.values.value[:, :, None] * forces[:, None, :], size)
             local = of_edges[:, :, None] * on_edges[:, None, :]
-            return total + gather_vector(unknowns[cell[self._points]], local, size)
+            return total + gather_vector(unknowns[cell[self.points]], local, size)
 
         return Acts(gathered(self._forces.constant, constant), gathered(self._forces.following, following))

@@ -82,6 +82,13 @@ class PointBasis:
         self.is_current = True
         return others
 
+    def newly_filled(self, state: PointState, points: NDArray) -> float:
+        """Share of some points (n,) that have moved into cells in which no point was at first."""
+        now = state.positions - self._grid_shift(state.displacement)
+        first, last = (self.grid.locate(places, self._sides) for places in (self.cloud.positions, now))
+        number = [cells.x * self.grid.shape[1] + cells.y for cells in (first, last)]
+        return float(np.mean(~np.isin(number[1][points], number[0])))
+
     def _values(self, state: PointState) -> BasisValues:
         intact = _intact(state.phase_field)
         deformation = _deformation(state.gradient, intact)

@@ -28,7 +28,6 @@ from numerics.exact_errors import exact_errors
 from numerics.fields import Fields
 from numerics.newton import TORN_STIFFNESS, least_forces, newton
 from numerics.staggered import LoadWork
-from numerics.surface import loaded_lengths
 from physics.acting import Acts, EigenstrainAtPoints
 from physics.elasticity import MaterialTable
 from physics.phase_field import PhaseFieldCoefficients, degradation, initial_history
@@ -280,7 +279,7 @@ class MaterialPoints:
 
     def measures(self) -> dict[str, float]:
         """Largest violation of the constraints, and errors against the exact solution where there is one."""
-        errors = exact_errors(self.case, self.fields(), self.state.load) | loaded_lengths(self._loads.lengths)
+        errors = exact_errors(self.case, self.fields(), self.state.load) | self._loads.measures(self.basis, self.state)
         if len(self._supports.springs.places):
             errors["constraint_error"] = self.state.constraint_error
         return errors | placement_health(self.case, self.basis.cloud) | gap_health(self.case, self.basis.grid)

@@ -16,10 +16,10 @@ from verify.metrics.release import tractions_on_faces
 
 
 def of_cells(case: Case, fields: Fields, history: pd.DataFrame) -> dict[str, float]:
-    """`locking`, `resolution`, `coarse_cells` and `coarse_tips`."""
+    """`locking`, `resolution`, `coarse_cells`, `coarse_tips` and `coarse_circle`."""
     load = float(history["u"].iloc[-1]) if len(history) else 0.0
     of_stress = _resolution(case, fields) | _coarse_cells(case, fields, history)
-    return _locking(case, fields) | of_stress | _coarse_tips(case, fields, load)
+    return _locking(case, fields) | of_stress | _coarse_tips(case, fields, load) | _coarse_circles(case)
 
 
 #: Poisson's ratio above which plane strain may lock, and above which elements without a remedy do
@@ -185,3 +185,22 @@ def _projection(values: NDArray, term: NDArray, block: NDArray, weight: NDArray)
     along = np.column_stack([np.bincount(block, weight * term[:, 0] * column) for column in values.T])
     share = np.divide(along, square[:, None], out=np.zeros_like(along), where=square[:, None] > 0.0)
     return term * share[block]
+
+
+#: places on a circle at which the cells are asked
+_ROUND = 64
+
+
+def _coarse_circles(case: Case) -> dict[str, float]:
+    """Of circles at rest on which hat functions hold a displacement: all corners of a cell that one crosses are held."""
+    if case.dynamics or case.mpm.order > 1 or not uses_points(case):
+        return {}
+    angle = np.linspace(0.0, 2.0 * np.pi, _ROUND, endpoint=False)
+    around, (lower, upper) = np.column_stack([np.cos(angle), np.sin(angle)]), case.bounding_box()
+    largest = []
+    for circle in (case.boundaries[on].circle for on in {c.on for c in case.constraints if c.direction != "phase"}):
+        if circle is not None:
+            places = np.asarray(circle.centre) + circle.radius * around
+            sizes = cell_sizes(case, places)[np.all((places >= lower) & (places <= upper), axis=1)]
+            largest.append(float(sizes.max(initial=0.0)) / circle.radius)
+    return {"coarse_circle": max(largest)} if largest else {}

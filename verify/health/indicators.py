@@ -80,6 +80,11 @@ INDICATORS = {
         "what the cells at the tips of slits make a whole body too stiff by, as a share of its energy",
         0.03, "solvers whose bases differ part by 2 % there", "make mesh.h smaller at the tips, as by mesh.refine",
     ),
+    "coarse_circle": Indicator(
+        "largest cell on a circle that hat functions of material points hold, over its radius",
+        0.25, "what surrounds a held hole was 2 % too stiff at 0.2, 16 % at 0.4, 14 to 21 % at 0.6",
+        "make mesh.h smaller there, as by mesh.refine, or set mpm.order = 2",
+    ),
     "coarse_crack": Indicator(
         "share of the new crack's energy in cells larger than the length scale, where cracks take too much force",
         0.05, "0.02 where a crack stays in fine cells, 0.4 to 1 where it bore too much",
@@ -134,6 +139,11 @@ INDICATORS = {
         "how far material has moved from the grid's nodes that hold its phase field broken, over h",
         0.02, "the force was 0.05 % off at 0.03, 6 % at 0.07: the points beside the crack take another phase field",
         'set mpm.move_points = false, or draw the notch with kind = "history" or "slit"',
+    ),
+    "crossed_edge": Indicator(
+        "share of the material points carrying tractions that have moved into cells of the grid that were empty at first",
+        0.0, "few points hold the functions there: F was 10 to 80 % off with splines, 1 % with hats, or had no bound",
+        "set mpm.move_points = false, or load it less far",
     ),
     "constraint_error": Indicator(
         "largest distance of a held place from where it should be, over the largest displacement",

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cases.notches import Segment
 from cases.spacing import SAME_LINE, cell_sizes
 from numerics.description import outlines
+from numerics.seams import seams
 from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
 from verify.metrics.metric import MetricError
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 #: share of the outer box that the bodies must fill: a machined notch may take some of it
 FILLED = 0.9
+#: a seam or a traced crack is parallel to a direction where it goes aside by no more than this share of its way
+SLANT = 0.1
 
 
 def release_rate(
@@ -30,9 +33,10 @@ def release_rate(
     data : fields of the points of a snapshot. load : its load parameter. direction, inner, outer : as of
         `verify.metrics.energy_release`.
 
-    Raises MetricError where the outer box goes out of the bodies, or holds the other end of the slit.
+    Raises MetricError where the outer box goes out of the bodies, holds another end of a slit, or a seam of two materials
+    that the crack's direction crosses: what moves these along would release energy too.
     """
-    _require_box(case, np.asarray(tip, dtype=float), outer)
+    _require_box(case, np.asarray(tip, dtype=float), np.asarray(direction, dtype=float), outer)
     points, volume = np.asarray(data["reference"])[:, :2], np.asarray(data["volume"])
     gradient = np.asarray(data["gradient"])
     rate = energy_release_rate(
@@ -48,7 +52,7 @@ def release_rate(
     return rate + sum(loaded)
 
 
-def _require_box(case: Case, tip: NDArray, outer: float) -> None:
+def _require_box(case: Case, tip: NDArray, direction: NDArray, outer: float) -> None:
     box = shapely.box(*(tip - outer), *(tip + outer))
     bodies = shapely.union_all(outlines(case))
     filled = bodies.intersection(box).area / box.area
@@ -56,13 +60,39 @@ def _require_box(case: Case, tip: NDArray, outer: float) -> None:
     if filled < FILLED:
         said = f"{place} the bodies fill {filled:.0%} of the box of outer = {outer:g}"
         raise MetricError(f"case {case.name}: {said}; make it smaller, or give the whole body")
+    along = direction / np.linalg.norm(direction)
     for slit in (notch for notch in case.all_notches if notch.kind == "slit"):
         ends = np.array([slit.start, slit.end])
         at_tip = np.abs(ends - tip).max(axis=1) < SAME_LINE * case.mesh.h
-        other = shapely.Point(ends[0 if at_tip[1] else 1])
-        if at_tip.any() and box.contains(other) and bodies.contains(other):
-            said = f"{place} the box of outer = {outer:g} holds the other end of the slit too"
-            raise MetricError(f"case {case.name}: {said}; make it smaller than the slit is long")
+        for end in ends[~at_tip]:
+            inside = box.contains(shapely.Point(end)) and bodies.contains(shapely.Point(end))
+            if inside and at_tip.any():
+                said = f"{place} the box of outer = {outer:g} holds the other end of the slit too"
+                raise MetricError(f"case {case.name}: {said}; make it smaller than the slit is long")
+            if inside and not _is_behind(end - tip, along):
+                said = f"{place} the box of outer = {outer:g} holds an end of another slit, at ({end[0]:g}, {end[1]:g})"
+                raise MetricError(f"case {case.name}: {said}; make it smaller than they are apart")
+    if seam := _seam_across(case, box, along):
+        said = f"{place} the crack's direction crosses the seam of {seam} in the box of outer = {outer:g}"
+        raise MetricError(f"case {case.name}: {said}, which releases energy too; make it smaller than they are apart")
+
+
+def _is_behind(offset: NDArray, along: NDArray) -> bool:
+    """A place by its offset (2,) from the tip is on the crack behind it, straight but for a little."""
+    ahead, aside = float(offset @ along), float(along[0] * offset[1] - along[1] * offset[0])
+    return ahead < 0.0 and abs(aside) <= SLANT * abs(ahead)
+
+
+def _seam_across(case: Case, box: shapely.Polygon, along: NDArray) -> str:
+    """Names of two bodies with other elastic laws whose seam in the box goes across a direction (2,); empty without."""
+    for seam in seams(case):
+        inside = shapely.get_parts(shapely.intersection(shapely.linestrings(seam.stretches), box))
+        ends = [shapely.get_coordinates(part)[[0, -1]] for part in inside if part.length > 0.0]
+        way = np.array([np.subtract(*pair) for pair in ends]).reshape(-1, 2)
+        length, across = np.linalg.norm(way, axis=1).sum(), np.abs(along[0] * way[:, 1] - along[1] * way[:, 0]).sum()
+        if across > SLANT * length:
+            return f"{seam.one} and {seam.other}"
+    return ""
 
 
 def _of_body_forces(

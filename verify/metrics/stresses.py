@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
+from cases.spacing import SAME_LINE
 from physics.exact_plates import COMPONENTS, plane_modulus
 from verify.metrics.metric import MetricError, history_column, metric, require_stored, run_name
 from verify.metrics.release import release_rate
@@ -73,14 +75,18 @@ def _state(run: RunData, wanted: float) -> tuple[float, Mapping[str, NDArray]]:
 
 
 def _material_at(run: RunData, place: Sequence[float]) -> Material:
-    """The isotropic material of the body at a place, which has one modulus."""
-    number = int(run.case.inside([place])[0])
-    body = list(run.case.bodies.values())[max(number, 0)]
-    material = run.case.materials[body.material]
-    if material.is_anisotropic:
-        said = f"{body.material!r} is anisotropic, and K_I is no root of J E' there"
-        raise MetricError(f"{run_name(run)}: {said}; ask for energy_release_rate")
-    return material
+    """The isotropic material of the bodies at a place, which has one modulus."""
+    bodies, slack = list(run.case.bodies.values()), SAME_LINE * run.case.mesh.h
+    at = [body for body in bodies if body.outline().distance(shapely.Point(place)) <= slack]
+    materials = [run.case.materials[body.material] for body in at or bodies[:1]]
+    said = ""
+    if any(material.is_anisotropic for material in materials):
+        said = f"{(at or bodies)[0].material!r} is anisotropic"
+    elif len({(material.young_modulus, material.poisson_ratio) for material in materials}) > 1:
+        said = f"the tip at {tuple(place)} lies on a seam of {' and '.join(sorted({body.material for body in at}))}"
+    if said:
+        raise MetricError(f"{run_name(run)}: {said}, and K_I is no root of J E' there; ask for energy_release_rate")
+    return materials[0]
 
 
 def _loaded_state(run: RunData, wanted: float) -> tuple[Mapping[str, NDArray], float, float]:
