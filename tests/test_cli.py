@@ -12,6 +12,7 @@ from rich.console import Console
 
 from cases import list_cases
 from verify import cli
+from verify.cli.app import new_table
 from verify.runs import running
 from verify.runs.provenance import library_versions
 from verify.runs.run_folder import run_path
@@ -201,7 +202,7 @@ def test_a_disk_that_takes_no_more_is_one_sentence(
     def write() -> None:
         raise OSError(28, "No space left on device", file)
 
-    monkeypatch.setattr(cli, "list_cases", write)
+    monkeypatch.setattr(cli.before, "list_cases", write)
     assert cli._exit_code(["list"]) == cli.RUN_FAILED
     said = f"{file or 'The disk'}: no space left on device; make room, or name another folder.\n"
     assert capsys.readouterr().err == said
@@ -213,7 +214,7 @@ def test_ctrl_c_is_one_sentence_wherever_it_comes(
     def interrupt() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "list_cases", interrupt)
+    monkeypatch.setattr(cli.before, "list_cases", interrupt)
     assert cli._exit_code(["list"]) == cli.INTERRUPTED
     assert capsys.readouterr().err == f"{cli.STOPPED}\n"
 
@@ -367,7 +368,7 @@ def test_tables_cut_off_no_name_in_files_and_narrow_terminals(
     lines = capsys.readouterr().out.splitlines()
     assert any(" plate_impact_anisotropic " in line for line in lines)
     assert len([line for line in lines if "│" in line]) == len(list_cases())
-    table = cli._table("case", "verdict")
+    table = new_table("case", "verdict")
     table.add_row("plate_impact_anisotropic_of_a_long_name", "PASS")
     Console(width=20).print(table)
     assert "…" not in capsys.readouterr().out
