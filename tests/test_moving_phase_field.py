@@ -21,6 +21,7 @@ from mpm.explicit.cell_splines import splines
 from mpm.explicit.phase_field_kernels import CellEquations, PhaseFieldLaw, loops
 from mpm.explicit.points import Matter, PointMotion
 from mpm.explicit.solver import ExplicitMaterialPoints
+from numerics import phase_field_window
 from numerics.phase_field_window import conjugate_gradients
 
 
@@ -134,6 +135,29 @@ def test_a_window_without_a_node_of_its_own_has_nothing_to_solve():
         np.zeros((0, 9), np.int32), np.zeros((0, 9)), np.zeros(0, np.int64), nothing, nothing, 1e-4
     )
     assert len(correction) == iterations == 0
+
+
+def test_points_that_are_torn_cost_few_iterations(monkeypatch):
+    """Single points with ten thousand times the stiffness of what lies around them, in a plane of hat functions."""
+    n, random = 24, np.random.default_rng(5)
+    number = np.arange(n * n).reshape(n, n)
+    corners = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]], axis=-1).reshape(-1, 4)
+    matrix, mass, stiff = np.zeros((n * n, n * n)), np.array([[2, 1], [1, 2]]) / 6.0, np.array([[1, -1], [-1, 1]])
+    for cell in corners:
+        matrix[np.ix_(cell, cell)] += np.kron(mass, mass) + 4.0 * (np.kron(stiff, mass) + np.kron(mass, stiff))
+    for cell, (x, y) in zip(random.permutation(corners)[:60], random.uniform(size=(60, 2)), strict=True):
+        at_point = np.kron([1.0 - x, x], [1.0 - y, y])
+        matrix[np.ix_(cell, cell)] += 1e4 * np.outer(at_point, at_point)
+    around = np.pad(number, 1, constant_values=n * n)
+    near = np.stack([around[a : n + a, b : n + b] for a in range(3) for b in range(3)], axis=-1).reshape(-1, 9)
+    values = np.where(near < n * n, matrix[np.arange(n * n)[:, None], np.minimum(near, n * n - 1)], 0.0)
+    right_side, sources = random.uniform(-1.0, 1.0, n * n), np.full(n * n, 1.0)
+    system = near.astype(np.int32), values, np.full(n * n, 4), right_side, sources, 1e-6
+    found, iterations = conjugate_gradients(*system)
+    monkeypatch.setattr(phase_field_window, "HEAVY", np.inf)
+    _, by_diagonal = conjugate_gradients(*system)
+    assert 3 * iterations < by_diagonal
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right_side), atol=1e-3)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
