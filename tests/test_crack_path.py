@@ -4,6 +4,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from verify.metrics.crack_path import (
@@ -15,6 +16,8 @@ from verify.metrics.crack_path import (
     tip_position,
     trace_crack,
 )
+from verify.metrics.metric import MetricError
+from verify.metrics.registry import METRICS
 
 H = 1 / 40
 S = np.linspace(0.0, 1.0, 31)
@@ -215,3 +218,11 @@ def test_angle_and_length(degrees):
     assert path_angle(line) == pytest.approx(degrees)
     assert path_length(line) == pytest.approx(2.0)
     assert np.allclose(tip_position(line), line[-1])
+
+
+@pytest.mark.parametrize(("least", "said"), [(0.9, "nothing broke"), (0.0, "no longer than it is wide")])
+def test_why_there_is_no_path_is_told(least, said):
+    info, history = {"solver": "fem"}, pd.DataFrame({"c_min": [1.0, least]})
+    run = SimpleNamespace(crack_path=np.zeros((0, 2)), info=info, history=history, case=None, name="fem")
+    with pytest.raises(MetricError, match=said):
+        METRICS["crack_angle"](run)

@@ -10,6 +10,7 @@ import numpy as np
 
 from cases.solvers import IMPORTED
 from cases.spacing import SAME_LINE
+from physics.broken import BROKEN
 from physics.surface_energy import SurfaceEnergy
 from verify.metrics import crack_path as paths
 from verify.metrics.curves import Array
@@ -27,8 +28,15 @@ def _crack(run: RunData) -> Array:
     path = np.asarray(run.crack_path, dtype=float)
     _require_path_given(run)
     if len(path) < 2:
-        raise MetricError(f"{run_name(run)}: has no crack path, nothing broke; load it further")
+        raise MetricError(f"{run_name(run)}: has no crack path, {_why_none(run)}")
     return path
+
+
+def _why_none(run: RunData) -> str:
+    """Nothing broke, or what broke is no line: a tracer sees none that is not longer than twice its width."""
+    if "c_min" in run.history and float(run.history["c_min"].iloc[-1]) < BROKEN:
+        return "what broke beside notches is no longer than it is wide; load it further, or make the length scale smaller"
+    return "nothing broke; load it further"
 
 
 def _require_path_given(run: RunData) -> None:
@@ -42,7 +50,7 @@ def _require_path_given(run: RunData) -> None:
 
 @metric("length", "length of the crack path")
 def crack_length(run: RunData) -> float:
-    """Length of the crack path, 0 where nothing broke.
+    """Length of the crack path, 0 where nothing broke or what broke is no longer than it is wide.
 
     Notches are no part of it; a line on which a constraint holds the phase field broken is.
     """
