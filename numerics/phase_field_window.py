@@ -28,9 +28,9 @@ RESIDUAL = 1e-4
 SMOOTH_RESIDUAL = 5e-3
 #: stiffness of the pull towards the start of the solution, over the largest source and over the node's diagonal
 PULL, PULL_OF_DIAGONAL = 1e-4, 1e-6
-#: diagonal over source from which a row is heavy: conjugate gradients scaled by the diagonal alone take a step more for
-#: every few of the functions that hang together in heavy rows and that little else holds, a thousand in broken bodies
-HEAVY = 30.0
+#: diagonal over source, as a multiple of its lower quartile, from which a row is heavy: scaled by the diagonal alone,
+#: conjugate gradients took a thousand steps for functions that meet in heavy rows and are held by what lies beside
+HEAVY = 6.0
 #: numbers behind arrays that may be read, several at once, and do not count
 SPARE = 2 * LANES
 #: no row of a stretch has such a neighbour
@@ -116,21 +116,30 @@ def fold(rows_of_cells, slots, local, parts, values, right_side):
 
 
 def conjugate_gradients(
-    neighbours: NDArray, values: NDArray, diagonal: NDArray, right_side: NDArray, sources: NDArray, share: float
+    neighbours: NDArray,
+    values: NDArray,
+    diagonal: NDArray,
+    right_side: NDArray,
+    sources: NDArray,
+    share: float,
+    bends: bool = False,
 ) -> tuple[NDArray, int]:
     """Correction (n,) of the phase field and the number of iterations.
 
     neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
     the diagonal. right_side : (n,). sources : (n,) sums of the rows without history field. share : of them that may be
-    left over. Beside the diagonal a residual could be small that belongs to a large correction: the history field of few
-    broken points makes rows heavy, and with them the diagonal, but holds the phase field only at these points; at
-    order 4 the bends do.
+    left over. bends : whether the equations are of order 4, whose bends make all rows heavy alike.
+
+    Beside the diagonal a residual could be small that belongs to a large correction: the history field of few broken
+    points makes rows heavy, and with them the diagonal, but holds the phase field only at these points; at order 4 the
+    bends do.
     """
     correction = np.zeros(len(right_side))
     if not len(correction):
         return correction, 0
     pull = PULL * sources.max(initial=0.0)
-    heavy = values[np.arange(len(diagonal)), diagonal] > HEAVY * (sources + pull)
+    weight, seen = values[np.arange(len(diagonal)), diagonal] / (sources + pull), sources > pull
+    heavy = weight > (HEAVY * np.quantile(weight[seen], 0.25) if seen.any() and not bends else np.inf)
     iterations = _solve_rows(neighbours, values, diagonal, heavy, right_side, pull, share * (sources + pull), correction)
     if iterations < 0:
         raise LinearSolverError(NOT_FOUND)
