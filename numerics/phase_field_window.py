@@ -122,13 +122,14 @@ def conjugate_gradients(
     right_side: NDArray,
     sources: NDArray,
     share: float,
-    bends: bool = False,
+    patched: bool = False,
 ) -> tuple[NDArray, int]:
     """Correction (n,) of the phase field and the number of iterations.
 
     neighbours : (n, s) row of each entry, n for none. values : (n, s) entries. diagonal : (n,) which of them is that of
     the diagonal. right_side : (n,). sources : (n,) sums of the rows without history field. share : of them that may be
-    left over. bends : whether the equations are of order 4, whose bends make all rows heavy alike.
+    left over. patched : whether heavy rows are solved with those around them beside; for points of order 2, which may be
+    torn one by one: elements are by all of theirs, the bends of order 4 make all rows heavy alike.
 
     Beside the diagonal a residual could be small that belongs to a large correction: the history field of few broken
     points makes rows heavy, and with them the diagonal, but holds the phase field only at these points; at order 4 the
@@ -139,7 +140,7 @@ def conjugate_gradients(
         return correction, 0
     pull = PULL * sources.max(initial=0.0)
     weight, seen = values[np.arange(len(diagonal)), diagonal] / (sources + pull), sources > pull
-    heavy = weight > (HEAVY * np.quantile(weight[seen], 0.25) if seen.any() and not bends else np.inf)
+    heavy = weight > (HEAVY * np.quantile(weight[seen], 0.25) if seen.any() and patched else np.inf)
     iterations = _solve_rows(neighbours, values, diagonal, heavy, right_side, pull, share * (sources + pull), correction)
     if iterations < 0:
         raise LinearSolverError(NOT_FOUND)

@@ -130,7 +130,7 @@ class PointPhaseField:
         correction, iterations = conjugate_gradients(
             rows.neighbours, values[:-1], np.full(n, reach * reach // 2),
             phase_field_kernels.left_over(rows.nodes, order, width, values, self._nodal, right_side),
-            right_side[:-1], SMOOTH_RESIDUAL if self._law.bending else RESIDUAL, bool(self._law.bending),
+            right_side[:-1], SMOOTH_RESIDUAL if self._law.bending else RESIDUAL, patched=not self._law.bending,
         )  # fmt: skip
         self._nodal[rows.nodes] += correction
         return iterations
