@@ -125,6 +125,9 @@ def case_from_tables(
     file = (source or Path.cwd() / CASE_FILE).resolve()
     if change is not None and not isinstance(change, dict):
         raise sentence(file, "change", change, "is not a table", 'give tables as {"mesh": {"h": 0.1}}')
+    for key, value in (change or {}).items():
+        if "." in str(key):
+            raise sentence(file, f"change.{key}", None, "is a key with dots", f"give tables as {nest(key, value)}")
     builder = _Builder(tables, name, file)
     tier = tier or DEFAULT_TIER
     if tier not in TIERS:
