@@ -12,7 +12,7 @@ from rich.console import Console
 
 from cases import list_cases
 from verify import cli
-from verify.cli.app import new_table
+from verify.cli.shared import new_table
 from verify.runs import running
 from verify.runs.provenance import library_versions
 from verify.runs.run_folder import run_path

@@ -13,7 +13,7 @@ from numerics.status import RunStatus
 from physics.rocking.of_case import ground_motion
 from physics.rocking.records import missing_record
 from reports import rocking
-from verify import cli, compare
+from verify import compare
 from verify.cli import main
 from verify.judging.summary import exit_code, summarise
 from verify.judging.views import junit_xml, markdown
@@ -89,8 +89,8 @@ def test_a_run_of_its_own_is_refused_with_the_sentence(case_file: Path, capsys: 
 
 
 def library(monkeypatch: pytest.MonkeyPatch, *files: Path) -> None:
-    monkeypatch.setattr(cli, "list_cases", lambda: [str(file) for file in files])
-    monkeypatch.setattr(cli, "LIBRARY", files[0].parent.parent)
+    monkeypatch.setattr("verify.cli.shared.list_cases", lambda: [str(file) for file in files])
+    monkeypatch.setattr("verify.cli.computing.LIBRARY", files[0].parent.parent)
 
 
 def test_the_other_cases_of_a_library_run_and_are_judged_beside_it(

@@ -156,7 +156,7 @@ def test_without_a_case_all_of_the_library_that_have_any_are_made(
     case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plain = fake_solver.write_case(tmp_path / "plain")
-    monkeypatch.setattr(cli, "list_cases", lambda: [str(plain), str(case.source)])
+    monkeypatch.setattr("verify.cli.shared.list_cases", lambda: [str(plain), str(case.source)])
     for command in ("chart", "stability"):
         with pytest.raises(SystemExit) as ended:
             cli.main([command, "--record", "--tier", "quick", "--out", str(tmp_path / "out")])

@@ -13,7 +13,7 @@ import typer
 
 from cases import UserError
 from verify.cli import before, computing, judging, studying
-from verify.cli.app import (
+from verify.cli.shared import (
     BAD_INPUT,
     DEBUG,
     INTERNAL_ERROR,

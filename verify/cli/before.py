@@ -11,7 +11,7 @@ from cases import Case, CaseError, list_cases, load_case, schema_text
 from cases.errors import BrokenRuleError
 from cases.judging import TIERS
 from cases.solvers import SOLVERS, installed, register
-from verify.cli.app import (
+from verify.cli.shared import (
     BAD_INPUT,
     AccuracyOption,
     CaseArgument,

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from cases.loader import LIBRARY, reading_once
-from verify.cli.app import (
+from verify.cli.shared import (
     BAD_INPUT,
     RUN_FAILED,
     AccuracyOption,

@@ -12,7 +12,7 @@ from rich.text import Text
 from cases import load_case
 from cases.loader import reading_once
 from numerics.status import RunStatus
-from verify.cli.app import (
+from verify.cli.shared import (
     COLOURS,
     CaseArgument,
     OptionalCases,

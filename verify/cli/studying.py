@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from cases import Case, load_case
-from verify.cli.app import (
+from verify.cli.shared import (
     CaseArgument,
     ClusterOption,
     JobsOption,
