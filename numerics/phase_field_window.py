@@ -31,6 +31,8 @@ PULL, PULL_OF_DIAGONAL = 1e-4, 1e-6
 #: diagonal over source, as a multiple of its lower quartile, from which a row is heavy: scaled by the diagonal alone,
 #: conjugate gradients took a thousand steps for functions that meet in heavy rows and are held by what lies beside
 HEAVY = 6.0
+#: iterations by the diagonal alone, which are symmetric where the equations are, before patches around heavy rows help
+PATIENCE = 100
 #: numbers behind arrays that may be read, several at once, and do not count
 SPARE = 2 * LANES
 #: no row of a stretch has such a neighbour
@@ -316,8 +318,8 @@ def _add_of_patches(rows, inverses, residual, scaled):
 
 @njit(cache=True)
 def _solve_rows(neighbours, values, diagonal, heavy, right_side, pull, allowed, solution):
-    """Conjugate gradients, preconditioned by the diagonal and by the inverses of patches around heavy rows (additive
-    Schwarz method); the number of iterations, -1 without convergence."""
+    """Conjugate gradients, preconditioned by the diagonal, and where that takes long by the inverses of patches around
+    heavy rows beside (additive Schwarz method); the number of iterations, -1 without convergence."""
     n = solution.size
     starts, away = _stretches(neighbours)
     margin = 0
@@ -333,12 +335,16 @@ def _solve_rows(neighbours, values, diagonal, heavy, right_side, pull, allowed, 
         entries[diagonal[i], i] += pull + PULL_OF_DIAGONAL * entries[diagonal[i], i]
         scale[i] = 1.0 / entries[diagonal[i], i]
         scaled[i] = residual[i] * scale[i]
-    rows, inverses = _patches(neighbours, entries, heavy)
-    old = _add_of_patches(rows, inverses, residual, scaled)
-    direction[:] = scaled
+        direction[i] = scaled[i]
+    rows, inverses = _patches(neighbours, entries, np.zeros_like(heavy))
+    old = _dot(residual, scaled)
     for iteration in range(10 * n + 10):
         if _within(residual, allowed):
             return iteration
+        if iteration == PATIENCE and heavy.any():
+            rows, inverses = _patches(neighbours, entries, heavy)
+            old = _add_of_patches(rows, inverses, residual, scaled)
+            direction[:] = scaled
         _products(starts, away, entries, margin, padded, product)
         # a sum of the linear algebra's library would depend on its number of threads
         step = old / _dot(direction, product)

@@ -21,7 +21,7 @@ from mpm.explicit.cell_splines import splines
 from mpm.explicit.phase_field_kernels import CellEquations, PhaseFieldLaw, loops
 from mpm.explicit.points import Matter, PointMotion
 from mpm.explicit.solver import ExplicitMaterialPoints
-from numerics.phase_field_window import conjugate_gradients
+from numerics.phase_field_window import PATIENCE, conjugate_gradients
 
 
 def test_the_first_phase_field_is_that_of_the_quasi_static_solver(tmp_path):
@@ -154,7 +154,7 @@ def test_points_that_are_torn_cost_few_iterations():
     system = near.astype(np.int32), values, np.full(n * n, 4), right_side, sources, 1e-6
     found, iterations = conjugate_gradients(*system, patched=True)
     _, by_diagonal = conjugate_gradients(*system)
-    assert 3 * iterations < by_diagonal
+    assert iterations - PATIENCE < (by_diagonal - PATIENCE) / 3
     np.testing.assert_allclose(found, np.linalg.solve(matrix, right_side), atol=1e-3)
 
 

@@ -24,12 +24,12 @@ def of_history(case: Case, history: pd.DataFrame, fields: Fields | None) -> dict
         highest = 1.0 if fields is None else float(fields.phase_field.max(initial=1.0))
         found["phase_field_range"] = max(0.0, highest - 1.0, -float(history["c_min"].min()))
     rows = history if case.dynamics else history[history["c_min"].to_numpy() >= WHOLE]
-    if not case.dynamics and not case.exact and uses_points(case) and case.mpm.move_points and len(rows) > 2:
-        found["lost_at_crossings"] = lost_at_crossings(rows)
     if len(rows) > 1 and case.exact is None:
         scale = max(largest_energy(rows), ROUND_OFF * _held_back(case, rows), _LEAST * _stretched(case, fields))
         if scale > 0.0:
             found["energy_balance"] = float(np.abs(missing_energy(rows)).max() / scale)
+        if not case.dynamics and uses_points(case) and case.mpm.move_points:
+            found["lost_at_crossings"] = lost_at_crossings(rows, scale)
     fields_move = case.exact is not None or any(constraint.motion for constraint in case.constraints)
     if case.fracture_enabled and not case.dynamics and not fields_move:
         found["missed_peak"] = missed_peak(history)

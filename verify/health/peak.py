@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from verify.metrics.histories import largest_energy, missing_energy
+from verify.metrics.histories import missing_energy
 
 #: a force that falls below this share of what it was has no course that could be carried back
 _FALLEN = 0.5
@@ -65,8 +65,8 @@ def lagging_crack(history: pd.DataFrame) -> float:
     return float(np.sqrt(1.0 + lost / torn) - 1.0) if torn > 0.0 else 0.0
 
 
-def lost_at_crossings(history: pd.DataFrame) -> float:
-    """Energy that is lost while nothing breaks, over the largest energy: what points leave behind in their old cells.
+def lost_at_crossings(history: pd.DataFrame, energy: float) -> float:
+    """Energy that is lost while nothing breaks, over another one: what points leave behind in their old cells.
 
     Only increments count whose force falls behind its course: there a trapezoid tells less work than was done.
     """
@@ -74,5 +74,4 @@ def lost_at_crossings(history: pd.DataFrame) -> float:
     slope = np.divide(force, load, out=np.zeros(len(load)), where=load != 0.0)
     falls = (load[1:] * load[:-1] > 0.0) & (slope[1:] < slope[:-1])
     lost = np.maximum(-np.diff(missing_energy(history))[1:], 0.0)
-    energy = largest_energy(history)
     return float(lost[falls].sum() / energy) if energy > 0.0 else 0.0
