@@ -20,6 +20,8 @@ Bounds = tuple[Array, Array]
 
 # Points this near to an outline, in shares of the size of the shape, count as being on it.
 SLACK = 1e-9
+# Lines nearer to each other than this share of h are one line.
+SAME_LINE = 1e-3
 # Rounding of a few operations on coordinates, in units of their last digit.
 ROUNDED = 64
 # Chords in a quarter of a circle where a disc has to become a polygon (overlap checks only).

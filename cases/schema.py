@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationInfo, field_validator
+from shapely.geometry.base import BaseGeometry
 
 from cases.bodies import Body
 from cases.boundaries import EDGES, BoundarySet
@@ -129,6 +131,13 @@ class CaseDescription(Table):
             free = np.flatnonzero(index < 0)
             index[free[body.contains(p[free], slack)]] = number
         return index
+
+    def outlines(self) -> list[BaseGeometry]:
+        """Areas of the bodies less the notches of left-out cells; discs are polygons of many corners."""
+        notches = [notch for notch in self.notches if isinstance(notch, CellsNotch)]
+        lines = [(shapely.LineString([notch.start, notch.end]), notch.width) for notch in notches]
+        cut = shapely.union_all([line.buffer(0.5 * width, cap_style="flat") for line, width in lines])
+        return [body.outline() - cut for body in self.bodies.values()]
 
     def left_out(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (n,) of the points (n, 2) in notches of kind "cells"."""

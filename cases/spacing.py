@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cases.case import Case
+from cases.geometry import SAME_LINE
 from cases.notches import CellsNotch, HistoryNotch, Notch
 
 Array = NDArray[np.float64]
 
 # Spacings may exceed what was asked for by this share, so that rounding adds no cell.
 STRETCH = 1e-3
-# Lines nearer to each other than this share of h are one line.
-SAME_LINE = 1e-3
 
 
 def grid_lines(case: Case) -> tuple[Array, Array]:

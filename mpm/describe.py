@@ -81,6 +81,6 @@ def _estimated(case: Case) -> _Counts:
 def _moving(case: Case) -> _Counts:
     """The bodies' cells, and as many functions as reach over those of a rectangle of the same area and perimeter."""
     order, cells, breaks = case.mpm.order, cells_in_bodies(case), description.breakable(case)
-    around = np.array([outline.length for outline in description.outlines(case)]) / case.mesh.h
+    around = np.array([outline.length for outline in case.outlines()]) / case.mesh.h
     functions = cells + 0.5 * order * around + order**2
     return _Counts(cells, 2.0 * float(functions.sum()), float(functions[breaks].sum()))

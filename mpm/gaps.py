@@ -11,7 +11,6 @@ from shapely.geometry.base import BaseGeometry
 from cases import Case
 from cases.geometry import slack_of
 from mpm.grid import Grid
-from numerics.description import outlines
 
 #: a part of the material counts where it fills more than this share of a function's support
 _SEEN = 1e-3
@@ -24,7 +23,7 @@ Ends = tuple[NDArray, NDArray]
 def gap_health(case: Case, grid: Grid) -> dict[str, float]:
     """The indicator `bridged_gap` of the health record, for bodies that share a grid; those that touch are one."""
     slack = slack_of(case.bounding_box())
-    material = shapely.union_all([outline.buffer(slack) for outline in outlines(case)])
+    material = shapely.union_all([outline.buffer(slack) for outline in case.outlines()])
     supports = grid.axes[0].support(), grid.axes[1].support()
     return {"bridged_gap": _bridged_length(material, *supports, grid.order + 1)}
 
@@ -32,7 +31,7 @@ def gap_health(case: Case, grid: Grid) -> dict[str, float]:
 def gap_health_in_bodies(case: Case) -> dict[str, float]:
     """The same for bodies that move, each on functions of its own, of which two cells about a node do nearly all."""
     h, lengths = case.mesh.h, [0.0]
-    for outline in outlines(case):
+    for outline in case.outlines():
         x_0, y_0, x_1, y_1 = outline.bounds
         left, low = (np.arange(start - 2.0 * h, end + h, h) for start, end in ((x_0, x_1), (y_0, y_1)))
         lengths.append(_bridged_length(outline, (left, left + 2.0 * h), (low, low + 2.0 * h), 2))

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from cases import Case
-from cases.spacing import SAME_LINE, grid_lines
+from cases.geometry import SAME_LINE
+from cases.seams import seams
+from cases.spacing import grid_lines
 from mpm.inclined_slits import InclinedSlit, check_apart, inclined_slits
 from mpm.slits import GridError, GridSlit, SlitLine, slit_lines
 from mpm.splines import Axis
 from numerics.closing import Faces
 from numerics.description import fourth_order
-from numerics.seams import seams
 from numerics.staggered import NewtonError
 
 

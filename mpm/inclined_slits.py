@@ -11,10 +11,9 @@ import shapely
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.geometry import SAME_LINE
 from cases.notches import Segment, SlitNotch
-from cases.spacing import SAME_LINE
 from mpm.slits import GridError, is_level
-from numerics.description import outlines
 
 #: parts of a rectangle smaller than this share of it are none
 SMALLEST_PART = 1e-6
@@ -43,7 +42,7 @@ class InclinedSlit:
         self._case, self.notch = case, notch
         self._slack = slack = SAME_LINE * case.mesh.h
         # bodies that touch are one
-        self._body = shapely.union_all(outlines(case)).buffer(0.1 * slack).buffer(-0.2 * slack)
+        self._body = shapely.union_all(case.outlines()).buffer(0.1 * slack).buffer(-0.2 * slack)
         ends = np.array([notch.start, notch.end])
         self.tips = ends[shapely.contains_xy(self._body.buffer(-slack), ends)]
         along, size = notch.direction, sum(case.bounding_box()[1] - case.bounding_box()[0])

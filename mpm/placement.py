@@ -13,7 +13,6 @@ from cases.geometry import Shape
 from cases.spacing import grid_lines
 from mpm.inclined_slits import InclinedSlit, inclined_slits
 from mpm.mesh_points import mesh_points
-from numerics.description import outlines
 
 
 @dataclass(frozen=True)
@@ -168,7 +167,7 @@ def _place_in_body(case: Case, number: int) -> tuple[NDArray, ...]:
 
 def cells_in_bodies(case: Case) -> NDArray:
     """Cells (n_bodies,) that the points of `place_in_bodies` fill in each body, from its area: without placing any."""
-    areas = [outline.area for outline in outlines(case)]
+    areas = [outline.area for outline in case.outlines()]
     bodies = zip(case.bodies.values(), areas, strict=True)
     return np.array([area / _area_of_cell(case, body) for body, area in bodies])
 

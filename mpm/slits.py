@@ -10,9 +10,8 @@ import shapely
 from numpy.typing import NDArray
 
 from cases import Case, CaseError
+from cases.geometry import SAME_LINE
 from cases.notches import SlitNotch
-from cases.spacing import SAME_LINE
-from numerics.description import outlines
 
 
 class GridError(CaseError):
@@ -68,7 +67,7 @@ class SlitLine:
         lower, upper = self._case.bounding_box()
         line = shapely.LineString([self._at(corner[1 - self.normal]) for corner in (lower, upper)])
         # bodies that touch are one; material on one side alone, along an edge of a body, holds nothing together
-        inside = shapely.union_all(outlines(self._case)).buffer(0.1 * self._slack).buffer(-0.2 * self._slack)
+        inside = shapely.union_all(self._case.outlines()).buffer(0.1 * self._slack).buffer(-0.2 * self._slack)
         cracks = [shapely.LineString([self._at(slit.start), self._at(slit.end)]) for slit in self.slits]
         cut = shapely.union_all([crack.buffer(0.1 * self._slack) for crack in cracks])
         for part in shapely.get_parts(line.intersection(inside).difference(cut)):

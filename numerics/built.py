@@ -20,8 +20,6 @@ from shapely.geometry.base import BaseGeometry
 from cases import Case, CaseError
 from cases.notches import CellsNotch
 
-from .description import outlines
-
 #: below this share of the largest, a singular value of the constraints on rigid motions is none
 _RANK = 1e-7
 
@@ -90,7 +88,7 @@ def check_line_is_followed(case: Case, number: int, places: NDArray, cells: NDAr
     line, aside = _drawn_line(case, number)
     if line is None:
         return
-    inside = line.intersection(shapely.union_all(outlines(case)).buffer(slack))
+    inside = line.intersection(shapely.union_all(case.outlines()).buffer(slack))
     inside = shapely.line_merge(inside) if inside.geom_type == "MultiLineString" else inside
     held = np.flatnonzero(case.boundaries[on].select(places, slack, case.bounding_box()))
     for part in shapely.get_parts(inside)[shapely.length(shapely.get_parts(inside)) > 0.0]:
@@ -108,7 +106,7 @@ def holds_a_line_within(case: Case, number: int) -> bool:
     """Whether a constraint holds a line of which a part lies within bodies, rather than an area or their edge."""
     line, _ = _drawn_line(case, number)
     slack = 1e-3 * case.mesh.h
-    return line is not None and line.intersection(shapely.union_all(outlines(case)).buffer(-slack)).length > slack
+    return line is not None and line.intersection(shapely.union_all(case.outlines()).buffer(-slack)).length > slack
 
 
 def _drawn_line(case: Case, number: int) -> tuple[BaseGeometry | None, float]:

@@ -8,11 +8,8 @@ from importlib import import_module
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from cases import Case
-from cases.bodies import Body
-from cases.mesh_files import mesh_outline
 from cases.solvers import SOLVERS
 from cases.spacing import grid_blocks
 
@@ -74,25 +71,10 @@ def fourth_order(case: Case) -> bool:
     return any((f := case.materials[body.material].fracture) and f.order == 4 for body in case.bodies.values())
 
 
-def outlines(case: Case) -> list[BaseGeometry]:
-    """Polygons of the bodies less the notches of left-out cells; discs are polygons of many corners."""
-    notches = [notch for notch in case.notches if notch.kind == "cells"]
-    lines = [(shapely.LineString([notch.start, notch.end]), notch.width) for notch in notches]
-    cut = shapely.union_all([line.buffer(0.5 * width, cap_style="flat") for line, width in lines])
-    return [_outline(body) - cut for body in case.bodies.values()]
-
-
-def _outline(body: Body) -> BaseGeometry:
-    if body.shape:
-        return body.shape.outline()
-    assert body.mesh is not None
-    return mesh_outline(body.mesh, body.group)
-
-
 def estimated_cells(case: Case) -> NDArray[np.float64]:
     """Cells (n_bodies,) of the case's grid in each body, summed over blocks of it: at no cost, however many there are."""
     blocks = grid_blocks(case, BLOCKS)
-    return np.array([blocks.cells[shapely.contains_xy(outline, *blocks.centres.T)].sum() for outline in outlines(case)])
+    return np.array([blocks.cells[shapely.contains_xy(outline, *blocks.centres.T)].sum() for outline in case.outlines()])
 
 
 def where_fine(case: Case, cells: float) -> str:
@@ -101,5 +83,5 @@ def where_fine(case: Case, cells: float) -> str:
     if mesh.fine is None:
         return f"h = {mesh.h:g} throughout"
     where = "mesh.fine and mesh.refine" if mesh.refine else "mesh.fine"
-    throughout = sum(outline.area for outline in outlines(case)) / mesh.h**2
+    throughout = sum(outline.area for outline in case.outlines()) / mesh.h**2
     return f"{where}; h = {mesh.h:g} throughout would be about {max(1.0, throughout / max(cells, 1.0)):.2g} times as many"

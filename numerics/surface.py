@@ -15,7 +15,6 @@ from cases.boundaries import BoundarySet
 from cases.notches import SlitNotch
 
 from .built import BuiltError
-from .description import outlines
 
 #: a boundary set ends this near to a place, in multiples of h, where it ends on it
 ON_SET = 1e-6
@@ -53,7 +52,7 @@ class Edges(NamedTuple):
 
 def drawn_edges(case: Case) -> Edges:
     """Edges of the bodies and both faces of slits; where bodies touch they are one in a quasi-static case."""
-    shapes = outlines(case)
+    shapes = case.outlines()
     body = shapely.union_all(shapes)
     rings = [ring for shape in ([body] if case.dynamics is None else shapes) for ring in _rings(shape)]
     faces = [face for notch in case.all_notches if isinstance(notch, SlitNotch) for face in _faces(notch, body)]

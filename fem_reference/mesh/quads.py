@@ -6,8 +6,9 @@ import numpy as np
 
 from cases import Case
 from cases.errors import MeshError
+from cases.geometry import SAME_LINE
 from cases.mesh_arrays import Floats, MeshArrays
-from cases.spacing import SAME_LINE, grid_lines
+from cases.spacing import grid_lines
 
 # Part of h by which the mesh of a rectangle may miss its sides: both of two lines may have been drawn to one between.
 SIDES_MISSED = 2 * SAME_LINE

@@ -9,7 +9,6 @@ import numpy as np
 import shapely
 
 from cases import Case
-from numerics.description import outlines
 from numerics.fields import Fields
 from verify.health.state import uses_points
 
@@ -26,7 +25,7 @@ def of_gaps(case: Case, fields: Fields) -> dict[str, float]:
 
     by_points = uses_points(case)
     reach = case.mesh.h * (case.mpm.order if by_points and case.mpm.move_points else _REACH)
-    edges = shapely.segmentize(shapely.boundary(shapely.union_all(outlines(case))), _DENSITY * reach)
+    edges = shapely.segmentize(shapely.boundary(shapely.union_all(case.outlines())), _DENSITY * reach)
     places = np.unique(shapely.get_coordinates(edges), axis=0)
     moved = places + fields.displacement[cKDTree(fields.reference).query(places)[1]]
     one, other = cKDTree(moved).query_pairs(_NEARER * reach, output_type="ndarray").T

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cases.geometry import SAME_LINE
 from cases.solvers import IMPORTED
-from cases.spacing import SAME_LINE
 from physics.broken import BROKEN
 from physics.surface_energy import SurfaceEnergy
 from verify.metrics import crack_path as paths

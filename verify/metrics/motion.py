@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
-from numerics.description import outlines
 from physics.exact_motion import bar_period, contact_half_width, pressure_wave_speed
 from physics.exact_rules import otherwise_than
 from verify.metrics.histories import largest_energy, missing_energy
@@ -109,7 +108,7 @@ _ROUND_OFF = 1e-9
 
 def _mass(case: Case) -> float:
     """Of the bodies that move freely [force time² / length]."""
-    parts = zip(case.bodies.values(), outlines(case), strict=True)
+    parts = zip(case.bodies.values(), case.outlines(), strict=True)
     areas = (case.materials[body.material].density * part.area for body, part in parts if not body.keeps_velocity)
     return float(sum(areas) * case.plane.thickness)
 

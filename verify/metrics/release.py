@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from cases.geometry import SAME_LINE
 from cases.notches import Segment
-from cases.spacing import SAME_LINE, cell_sizes
-from numerics.description import outlines
-from numerics.seams import seams
+from cases.seams import seams
+from cases.spacing import cell_sizes
 from verify.metrics.energy_release import energy_release_rate, release_rate_of_faces
 from verify.metrics.metric import MetricError
 
@@ -54,7 +54,7 @@ def release_rate(
 
 def _require_box(case: Case, tip: NDArray, direction: NDArray, outer: float) -> None:
     box = shapely.box(*(tip - outer), *(tip + outer))
-    bodies = shapely.union_all(outlines(case))
+    bodies = shapely.union_all(case.outlines())
     filled = bodies.intersection(box).area / box.area
     place = f"around the tip at ({tip[0]:g}, {tip[1]:g})"
     if filled < FILLED:

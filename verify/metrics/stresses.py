@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from cases.spacing import SAME_LINE
+from cases.geometry import SAME_LINE
 from physics.exact_plates import COMPONENTS, plane_modulus
 from verify.metrics.metric import MetricError, history_column, metric, require_stored, run_name
 from verify.metrics.release import release_rate

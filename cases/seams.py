@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from cases import Case
-from cases.spacing import SAME_LINE
+from cases.geometry import SAME_LINE
 
-from .description import outlines
+if TYPE_CHECKING:
+    from cases.schema import CaseDescription
 
 
 class Seam(NamedTuple):
@@ -24,10 +24,10 @@ class Seam(NamedTuple):
     stretches: NDArray
 
 
-def seams(case: Case) -> Iterator[Seam]:
+def seams(case: CaseDescription) -> Iterator[Seam]:
     """Of each two bodies of a case at rest that touch and have other elastic laws."""
     slack = SAME_LINE * case.mesh.h
-    shapes = dict(zip(case.bodies, outlines(case), strict=True))
+    shapes = dict(zip(case.bodies, case.outlines(), strict=True))
     for (one, shape), (other, beside) in combinations(shapes.items(), 2):
         if _law(case, one) == _law(case, other) or not shapely.dwithin(shape, beside, slack):
             continue
@@ -38,7 +38,7 @@ def seams(case: Case) -> Iterator[Seam]:
             yield Seam(one, other, np.concatenate(stretches))
 
 
-def _law(case: Case, name: str) -> tuple[object, ...]:
+def _law(case: CaseDescription, name: str) -> tuple[object, ...]:
     """What the stress in a body follows: its elastic constants, and the eigenstrains on it."""
     material = case.materials[case.bodies[name].material]
     constants = material.model_dump_json(exclude={"fracture", "density", "expansion"})
