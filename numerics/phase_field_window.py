@@ -170,10 +170,34 @@ def _stretches(neighbours):
     return starts[: count + 1].copy(), away[:count].copy()
 
 
+@njit(cache=True)
+def _mirrors(neighbours, starts, away):
+    """For neighbours (m, s) of stretches that come before their rows, in which entry of theirs all rows of the stretch
+    stand, -1 where that is not so: by symmetry that entry is the same, and was read not long ago."""
+    n, s = neighbours.shape
+    mirrors = np.full(away.shape, -1)
+    for stretch in range(len(away)):
+        for entry in range(s):
+            far = away[stretch, entry]
+            if far >= 0:  # or nowhere
+                continue
+            for other in range(s):
+                fits = True
+                for i in range(starts[stretch], starts[stretch + 1]):
+                    mirrored = neighbours[i + far, other] if i + far >= 0 else n
+                    fits &= mirrored == (i if neighbours[i, entry] < n else n)
+                    if not fits:
+                        break
+                if fits:
+                    mirrors[stretch, entry] = other
+                    break
+    return mirrors
+
+
 @njit(cache=True, parallel=True)
-def _products(starts, away, entries, margin, vector, product):
-    """Products (n,) of rows, whose ``entries`` (s, n + SPARE) are kept by columns, with a vector between two margins of
-    zeros, ``SPARE`` more behind it."""
+def _products(starts, away, mirrors, entries, margin, vector, product):
+    """Products (n,) of rows, whose ``entries`` (s, margin + n + SPARE) are kept by columns, with a vector between two
+    margins of zeros, ``SPARE`` more behind it."""
     columns = entries.shape[1]
     flat = entries.reshape(-1)
     for stretch in prange(len(away)):
@@ -181,7 +205,9 @@ def _products(starts, away, entries, margin, vector, product):
         there, of_entry, count = np.empty(len(entries), np.int64), np.empty(len(entries), np.int64), 0
         for entry in range(len(entries)):
             if away[stretch, entry] != NOWHERE:
-                there[count], of_entry[count] = margin + away[stretch, entry], entry * columns
+                there[count], of_entry[count] = margin + away[stretch, entry], entry * columns + margin
+                if mirrors[stretch, entry] >= 0:
+                    of_entry[count] = mirrors[stretch, entry] * columns + there[count]
                 count += 1
         for i in range(first, last, 2 * LANES):
             one, two = same(0.0), same(0.0)
@@ -221,13 +247,13 @@ def _within(residual, allowed):
 
 
 @njit(cache=True)
-def _entries(neighbours, values):
-    """Entries (s, n + SPARE) by columns; zero where there is no neighbour."""
+def _entries(neighbours, values, margin):
+    """Entries (s, margin + n + SPARE) by columns; zero where there is no neighbour."""
     n, s = values.shape
-    entries = np.zeros((s, n + SPARE))
+    entries = np.zeros((s, margin + n + SPARE))
     for i in range(n):
         for entry in range(s):
-            entries[entry, i] = values[i, entry] if neighbours[i, entry] < n else 0.0
+            entries[entry, margin + i] = values[i, entry] if neighbours[i, entry] < n else 0.0
     return entries
 
 
@@ -326,26 +352,29 @@ def _solve_rows(neighbours, values, diagonal, heavy, right_side, pull, allowed, 
     for far in away.reshape(-1):
         if far != NOWHERE:
             margin = max(margin, abs(far))
-    entries = _entries(neighbours, values)
+    entries, mirrors = _entries(neighbours, values, margin), _mirrors(neighbours, starts, away)
+    rows_of_entries = entries[:, margin:]
     padded, product = np.zeros(n + 2 * margin + SPARE), np.empty(n)
     direction = padded[margin : margin + n]
     residual, scale, scaled = right_side.copy(), np.empty(n), np.empty(n)
     for i in range(n):
         # what hardly any point sees, a node or a combination of them, would grow without bound
-        entries[diagonal[i], i] += pull + PULL_OF_DIAGONAL * entries[diagonal[i], i]
-        scale[i] = 1.0 / entries[diagonal[i], i]
+        own = rows_of_entries[diagonal[i], i]
+        own += pull + PULL_OF_DIAGONAL * own
+        rows_of_entries[diagonal[i], i] = own
+        scale[i] = 1.0 / own
         scaled[i] = residual[i] * scale[i]
         direction[i] = scaled[i]
-    rows, inverses = _patches(neighbours, entries, np.zeros_like(heavy))
+    rows, inverses = _patches(neighbours, rows_of_entries, np.zeros_like(heavy))
     old = _dot(residual, scaled)
     for iteration in range(10 * n + 10):
         if _within(residual, allowed):
             return iteration
         if iteration == PATIENCE and heavy.any():
-            rows, inverses = _patches(neighbours, entries, heavy)
+            rows, inverses = _patches(neighbours, rows_of_entries, heavy)
             old = _add_of_patches(rows, inverses, residual, scaled)
             direction[:] = scaled
-        _products(starts, away, entries, margin, padded, product)
+        _products(starts, away, mirrors, entries, margin, padded, product)
         # a sum of the linear algebra's library would depend on its number of threads
         step = old / _dot(direction, product)
         if not np.isfinite(step):

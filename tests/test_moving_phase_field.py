@@ -158,6 +158,31 @@ def test_points_that_are_torn_cost_few_iterations():
     np.testing.assert_allclose(found, np.linalg.solve(matrix, right_side), atol=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_windows_of_any_shape_are_solved(seed):
+    """Rows of a window with gaps and ragged sides: what stands before a row is not everywhere as far away."""
+    n, random = 20, np.random.default_rng(seed)
+    inside = random.uniform(size=(n, n)) < (0.6 if seed else 0.95)
+    inside[5:9, 3:15] = True
+    number = np.full((n + 2, n + 2), inside.sum())
+    number[1:-1, 1:-1][inside] = np.arange(inside.sum())
+    x, y = np.nonzero(number < inside.sum())
+    near = np.stack([number[x + a, y + b] for a in (-1, 0, 1) for b in (-1, 0, 1)], axis=-1)
+    there, rows = near < len(near), np.arange(len(near))[:, None]
+    coupling = random.uniform(-1.0, 0.0, (len(near), len(near)))
+    matrix = np.zeros_like(coupling)
+    matrix[np.broadcast_to(rows, near.shape)[there], near[there]] = (coupling + coupling.T)[
+        np.broadcast_to(rows, near.shape)[there], near[there]
+    ]
+    np.fill_diagonal(matrix, 20.0)
+    values = np.where(there, matrix[rows, np.minimum(near, len(near) - 1)], 7.0)
+    right_side = random.uniform(-1.0, 1.0, len(near))
+    found, _ = conjugate_gradients(
+        near.astype(np.int32), values, np.full(len(near), 4), right_side, np.full(len(near), 1e-3), 1e-4
+    )
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right_side), atol=2e-6)
+
+
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_equations_of_cells_are_sums_over_their_points(order):
     k, width, random = order + 1, 12, np.random.default_rng(order)
