@@ -15,7 +15,7 @@ from cases import Case
 from .costs import Costs
 from .fields import Fields
 from .status import RunStatus
-from .time_steps import step_size
+from .time_steps import beyond_stable, step_size
 
 
 class BlewUpError(RuntimeError):
@@ -177,7 +177,7 @@ class _TimeMarch:
 
     def __init__(self, discretisation: DynamicDiscretisation, case: Case, after: Instant | None) -> None:
         assert case.dynamics is not None
-        self.discretisation, self.after = discretisation, after
+        self.discretisation, self.case, self.after = discretisation, case, after
         self.passes = case.staggered.passes
         self.start, self.end = case.dynamics.start_time, case.dynamics.end_time
         self.n_steps = number_of_steps(case, discretisation.stable_step())
@@ -218,6 +218,8 @@ class _TimeMarch:
     def _instant(self, step: int, problem: str = "") -> Instant:
         balance, seconds = self.discretisation.balance(), time.perf_counter() - self.started
         problem = problem or self._growth(step, balance)
+        if problem and (beyond := beyond_stable(self.case, self.discretisation.stable_step())):
+            problem += f"; {beyond}"
         return Instant(
             step=step,
             time=self._time(step),
@@ -241,6 +243,6 @@ class _TimeMarch:
         if balance.kinetic + balance.elastic > LARGEST_GAIN * given and given > 0.0:
             return (
                 f"step {step}: the energy has grown to {balance.total:.4g} of {given:.4g} given to the bodies; the time"
-                f" step {self.size:.4g} is above the stability limit, shorten it"
+                f" step {self.size:.4g} may be above the stability limit, shorten it"
             )
         return ""

@@ -181,3 +181,11 @@ def test_a_plan_calls_increments_adaptive_where_they_are() -> None:
     for name, adaptive in (("bimaterial_strip", False), ("sen_tension", True)):
         rows = dict(plan(load_case(name, "quick", "fem"), "fem").rows())
         assert ("adaptive" in rows["increments"]) == adaptive == rows["adaptive increments"].startswith("on")
+
+
+@pytest.mark.parametrize("run", ["fem", "mpm"])
+def test_a_time_step_that_may_blow_up_is_told_before_it_does(run: str) -> None:
+    case, shorter = (load_case("plate_impact", "quick", run, {"dynamics": {"time_step_share": s}}) for s in (3.0, 0.5))
+    (said,) = (text for what, text in plan(case, run).rows() if what == "note" and "time step" in text)
+    assert "is 3 times the longest one that is stable" in said and "leave out dynamics.time_step_share" in said
+    assert not any("longest one" in text for _, text in plan(shorter, run).rows())

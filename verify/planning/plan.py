@@ -9,6 +9,7 @@ from cases.bodies import Body
 from cases.judging import merge
 from cases.solvers import SOLVERS
 from numerics.description import Description, describe
+from numerics.time_steps import beyond_stable
 from physics.surface_energy import RAISED
 from verify.planning.recorded_prices import chosen_savings, costs_of_savings
 from verify.planning.savings import Saving, all_off, savings
@@ -111,7 +112,7 @@ def plan(case: Case, run: str, accuracy: float | None = None) -> Plan:
     cost = predict(demand)
     check_memory(case, described.cells, cost)
     told = _priced(case, prices, choice.too_dear)
-    return Plan(case, run, described, demand, cost, told, _notes(case, accuracy), choice)
+    return Plan(case, run, described, demand, cost, told, _notes(case, accuracy, described), choice)
 
 
 def planned_job(job: Job, accuracy: float | None) -> tuple[Job, list[str]]:
@@ -173,9 +174,11 @@ def _unpriced(case: Case, prices: dict[str, float]) -> str:
     return f"not priced as the case stands, so left on: {', '.join(unknown)}; {remedy}" if unknown else ""
 
 
-def _notes(case: Case, accuracy: float | None) -> tuple[str, ...]:
+def _notes(case: Case, accuracy: float | None, described: Description) -> tuple[str, ...]:
     """What the spacing does to the toughness, what the accuracy asks of it, and what the sizes leave out."""
     notes = case.remarks
+    if described.stable_step is not None and (beyond := beyond_stable(case, described.stable_step)):
+        notes.append(f"{beyond}; the run may blow up")
     if case.mesh.follow_crack:
         notes.append("sizes, memory and time are those of the first fine box; they grow with it")
     for name, material in case.materials.items():
