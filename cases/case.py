@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from cases.contact_remarks import contact_remarks
 from cases.judging import Check, TierName
 from cases.rules import fit_together
 from cases.schema import CaseDescription
@@ -53,17 +52,6 @@ class Case(CaseDescription):
     def kept_folder(self) -> Path:
         """Of its page, baseline, prices and kept results: its own folder, or one beside a file among those of others."""
         return self.folder if self.source.name == CASE_FILE else self.folder / f"{self.name}.kept"
-
-    @property
-    def remarks(self) -> list[str]:
-        """What its reader should know before it is computed, in sentences."""
-        return [*self.mesh_remarks, *self.contact_remarks]
-
-    @property
-    def contact_remarks(self) -> list[str]:
-        """Of how bodies touch in a run by material points, in sentences."""
-        by_points = self.run is not None and self.run_spec(self.run).solver == "mpm"
-        return contact_remarks(self) if by_points else []
 
     def applying_checks(self) -> list[tuple[int, Check]]:
         """Checks of this tier, which may have runs of its own, with their numbers; those of a family taken apart."""

@@ -28,6 +28,7 @@ class Solver:
     line : style of its curves, as matplotlib has it
     quasi_static, dynamic : "module:attribute" of the class that takes a case; imported on use
     describe : "module:attribute" of the function from a case to its ``numerics.description.Description``
+    remarks : "module:attribute" of the function from a case to sentences for its reader, before it is computed
     by_points : its state is seen at points that move over a grid, not on a mesh
     table : in place of these three, "module:attribute" of a function from a case, its run merged in, to a
         `pandas.DataFrame` with the columns of a history, or to that and a crack path (n, 2) [length], or to these and
@@ -42,6 +43,7 @@ class Solver:
     quasi_static: str = ""
     dynamic: str = ""
     describe: str = ""
+    remarks: str = ""
     by_points: bool = False
     table: str = ""
     of_rigid_block: bool = False
@@ -64,7 +66,7 @@ SOLVERS: dict[str, Solver] = {
         ),
         Solver(
             "mpm", "PF-MPM", "PF-MPM grid and points", "--",
-            "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", by_points=True,
+            "mpm:MaterialPoints", "mpm:ExplicitMaterialPoints", "mpm:describe", "mpm:remarks", by_points=True,
         ),
         Solver("easyfea", "EasyFEA", "EasyFEA's mesh", (0, (5, 1, 1, 1)), table="verify.runs.easyfea:solve"),
         Solver(IMPORTED, "imported", "an imported result", "-.", table="verify.runs.importing:read_foreign"),

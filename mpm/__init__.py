@@ -3,5 +3,6 @@
 from mpm.describe import describe
 from mpm.explicit.solver import ExplicitMaterialPoints
 from mpm.quasi_static.solver import MaterialPoints
+from mpm.remarks import remarks
 
-__all__ = ["ExplicitMaterialPoints", "MaterialPoints", "describe"]
+__all__ = ["ExplicitMaterialPoints", "MaterialPoints", "describe", "remarks"]

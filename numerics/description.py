@@ -54,6 +54,12 @@ def describe(case: Case, solver: str) -> Description:
     return getattr(import_module(module), name)(case)
 
 
+def remarks(case: Case) -> list[str]:
+    """What the reader of a case, its run merged in, should know of the run's solver before it computes, in sentences."""
+    module, _, name = SOLVERS[case.run_spec(case.run).solver].remarks.partition(":") if case.run else ("", "", "")
+    return list(getattr(import_module(module), name)(case)) if module else []
+
+
 def breakable(case: Case) -> NDArray[np.bool_]:
     """Mask (n_bodies,) of the bodies that can break."""
     return np.array([case.materials[body.material].fracture is not None for body in case.bodies.values()])

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from cases import Case, case_from_tables
+from numerics.description import remarks
 from verify.planning.plan import plan
 from verify.runs.running import _Attempt
 
@@ -35,7 +36,7 @@ def sliding(folder: Path, **more: Any) -> Case:
 
 def test_a_block_upon_a_bed_is_told_to_name_the_bed(tmp_path: Path) -> None:
     case = sliding(tmp_path)
-    (said,) = case.remarks
+    (said,) = remarks(case)
     assert said.startswith("bodies.block: stands with its corners on 'bed'") and "contact.normals_of = 'bed'" in said
     assert ("note", said) in plan(case, "mpm").rows()
     assert _Attempt(case, "mpm", None, ()).info()["remarks"] == [f"run mpm: {said}"]
@@ -52,7 +53,7 @@ def test_a_block_upon_a_bed_is_told_to_name_the_bed(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_bed_whose_normal_holds_and_bars_end_to_end_are_not_told(more: dict[str, Any], tmp_path: Path) -> None:
-    assert sliding(tmp_path, **more).remarks == []
+    assert remarks(sliding(tmp_path, **more)) == []
 
 
 @pytest.mark.parametrize(
@@ -62,5 +63,5 @@ def test_a_disc_that_rolls_is_told_to_have_its_points_on_rings(
     placement: str, friction: float, told: bool, tmp_path: Path
 ) -> None:
     contact = {"normals_of": "bed", "friction": friction}
-    said = sliding(tmp_path, contact=contact, mpm={"placement": placement}).remarks
+    said = remarks(sliding(tmp_path, contact=contact, mpm={"placement": placement}))
     assert [sentence[:12] for sentence in said] == ["bodies.disc:"] * told

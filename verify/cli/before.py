@@ -11,6 +11,7 @@ from cases import Case, CaseError, list_cases, load_case, schema_text
 from cases.errors import BrokenRuleError
 from cases.judging import TIERS
 from cases.solvers import SOLVERS, installed, register
+from numerics.description import remarks
 from verify.cli.shared import (
     BAD_INPUT,
     AccuracyOption,
@@ -92,8 +93,9 @@ def validate(cases: OptionalCases = None) -> None:
             checks_of(load_case(case.source, tier))
         named = ((tier, run) for tier in TIERS for run in load_case(case.source, tier).expanded_runs())
         runs = [load_case(case.source, tier, run) for tier, run in named]
-        found, remarks = refusals(runs), dict.fromkeys(said for each in [case, *runs] for said in each.remarks)
-        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *remarks]) + found.needs:
+        found = refusals(runs)
+        told = dict.fromkeys(said for each in [case, *runs] for said in [*each.mesh_remarks, *remarks(each)])
+        for sentence in (found.sentences or [f"{case.name}: valid{found.note}", *told]) + found.needs:
             console.print(sentence)
         wrong |= bool(found.sentences)
     if wrong:

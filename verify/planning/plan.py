@@ -8,7 +8,7 @@ from cases import Case, load_case
 from cases.bodies import Body
 from cases.judging import merge
 from cases.solvers import SOLVERS
-from numerics.description import Description, describe
+from numerics.description import Description, describe, remarks
 from numerics.time_steps import beyond_stable
 from physics.surface_energy import RAISED
 from verify.planning.recorded_prices import chosen_savings, costs_of_savings
@@ -176,7 +176,7 @@ def _unpriced(case: Case, prices: dict[str, float]) -> str:
 
 def _notes(case: Case, accuracy: float | None, described: Description) -> tuple[str, ...]:
     """What the spacing does to the toughness, what the accuracy asks of it, and what the sizes leave out."""
-    notes = case.remarks
+    notes = [*case.mesh_remarks, *remarks(case)]
     if described.stable_step is not None and (beyond := beyond_stable(case, described.stable_step)):
         notes.append(f"{beyond}; the run may blow up")
     if case.mesh.follow_crack:

@@ -19,6 +19,7 @@ from cases import Case, CaseError, load_case, of_its_file
 from cases.errors import UserError
 from cases.solvers import SOLVERS, Solver
 from numerics.costs import Costs
+from numerics.description import remarks
 from numerics.status import RunStatus
 from physics.exact_rules import require_exact
 from verify.extras import missing_extra
@@ -392,7 +393,7 @@ class _Attempt:
             "measures": {
                 name: value if math.isfinite(value) else None for name, value in self.measures.items()
             },
-            "remarks": [f"run {self.run_name}: {said}" for said in self.case.contact_remarks],
+            "remarks": [f"run {self.run_name}: {said}" for said in remarks(self.case)],
         }
 
 

@@ -9,21 +9,21 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from cases import Case
+
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
-
-    from cases.schema import CaseDescription
 
 #: turn of an outline [radians] from which on it is a corner, and cells from one within which another body's is met
 _TURN, _BESIDE = np.radians(30.0), 2.0
 
 
-def contact_remarks(case: CaseDescription) -> list[str]:
+def contact_remarks(case: Case) -> list[str]:
     """A sentence for each body that slides or rolls too little as the case describes it."""
-    return [*_corners_on_edges(case), *_square_discs(case)] if case.dynamics is not None else []
+    return [*_corners_on_edges(case), *_square_discs(case)]
 
 
-def _square_discs(case: CaseDescription) -> list[str]:
+def _square_discs(case: Case) -> list[str]:
     """Discs that gravity may roll, of points in a square pattern: those are polygons, which lie on a side."""
     pulled = case.dynamics is not None and any(case.dynamics.gravity)
     rubs = any(case.friction(*pair) for pair in combinations(range(len(case.bodies)), 2))
@@ -37,7 +37,7 @@ def _square_discs(case: CaseDescription) -> list[str]:
     ]
 
 
-def _corners_on_edges(case: CaseDescription) -> list[str]:
+def _corners_on_edges(case: Case) -> list[str]:
     """Bodies that stand with their corners on the edge of another one, both of whose normals count.
 
     The grid rounds the corners, whose normals then lean: what slides is held up there.
