@@ -15,8 +15,8 @@ from verify.health.state import length_scales, torn_from_the_start, uses_points
 
 
 def of_cracks(case: Case, fields: Fields) -> dict[str, float]:
-    """`coarse_crack`, `held_crack` and `unbroken_beside`."""
-    return _coarse_crack(case, fields) | _held_crack(case, fields)
+    """`coarse_crack`, `held_crack`, `unbroken_beside` and `torn_load`."""
+    return _coarse_crack(case, fields) | _held_crack(case, fields) | _torn_load(case, fields)
 
 
 #: below this phase field material softens: where AT2 in one dimension bears its largest stress
@@ -62,6 +62,15 @@ def _held_crack(case: Case, fields: Fields) -> dict[str, float]:
         beside = shapely.dwithin(shapely.union_all(whole), shapely.points(fields.reference), lengths)
         found |= _share("unbroken_beside", _new_crack(case, fields, lengths, _TORN), beside)
     return found
+
+
+def _torn_load(case: Case, fields: Fields) -> dict[str, float]:
+    """Of what is loaded where the most of it is torn; nothing where no material that may break is loaded."""
+    lengths = length_scales(case, fields)
+    near = [_within(case, fields, on, lengths) for on in {traction.on for traction in case.tractions}]
+    volumes = [np.where(loaded, fields.volume, 0.0) for loaded in near if loaded.any()]
+    torn = fields.phase_field < _TORN
+    return {"torn_load": max(float(volume[torn].sum() / volume.sum()) for volume in volumes)} if volumes else {}
 
 
 def _within(case: Case, fields: Fields, on: str, lengths: NDArray) -> NDArray[np.bool_]:

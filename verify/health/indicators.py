@@ -100,6 +100,11 @@ INDICATORS = {
         0.25, "0 to 0.2 where it only ends there; along such a body it has one side and 0.57 of the energy",
         "give that body's material fracture of several times the toughness, or hold the phase field at 1 along it",
     ),
+    "torn_load": Indicator(
+        "share of the material within a length scale of tractions that is torn, so that they tear it off and go on alone",
+        0.25, "a crack that ends there tears as much of four length scales; torn edges have 0.9 and more",
+        "load it less, or less suddenly, or keep what is loaded whole by bodies.NAME.unbreakable",
+    ),
     "quadrature": Indicator(
         "share of the volume in cells with fewer than 2 x 2 material points",
         0.1, "curved edges leave up to 0.03 in sound runs; with one point a cell all of it",
