@@ -547,3 +547,13 @@ def test_one_element_whose_nodes_are_all_held_breaks_as_its_closed_form_says(ele
     )
     phase_field = 1.0 / (1.0 + 2.0 * length_scale * modulus * strain**2 / toughness)
     assert force(case, "fem") == pytest.approx(phase_field**2 * modulus * strain, rel=1e-4)
+
+
+def test_the_part_of_an_edge_that_a_segment_holds_stays_as_long_when_the_points_move():
+    held = [{"on": "part", "direction": "y", "value": 0}, *PLATE["constraints"][2:]]
+    held.append({"on": "top", "direction": "x", "value": 0})
+    boundaries = {"part": {"segment": [[0.8, 0.0], [2.0, 0.0]]}}
+    load = {"path": [0.0, 4e-3], "increment": 1e-3}
+    case = plate("mpm", constraints=held, boundaries=boundaries, load=load)
+    _, first, *_, last = solver_records(DISCRETISATIONS["mpm"](case), case)
+    assert last.row()["F"] == pytest.approx(4.0 * first.row()["F"], rel=2e-3)

@@ -134,6 +134,9 @@ class PointsOn:
         if self._at_edges and boundary.circle:
             return self._on_circle(boundary.circle)
         if self._at_edges and boundary.segment:
+            lower, upper = np.sort(boundary.segment, axis=0)
+            if (lower == upper).any():  # a flat box
+                return self._in_region(lower, upper)
             return self._on_lines(nearest_on_segment(self._cloud.positions, boundary.segment))
         if self._at_edges and boundary.group:
             return self._on_lines(boundary.nearest(self._cloud.positions))
@@ -153,7 +156,7 @@ class PointsOn:
             offset[:, across] = self._box[corner][across] - cloud.positions[places, across]
         return places, offset
 
-    def _in_region(self, lower: Pair, upper: Pair) -> tuple[NDArray, NDArray]:
+    def _in_region(self, lower: Pair | NDArray, upper: Pair | NDArray) -> tuple[NDArray, NDArray]:
         """Points whose rectangles reach into a box, held at the nearest place in it.
 
         A rectangle that only touches the box's end is left out, and so is one that ends on a flat box where one

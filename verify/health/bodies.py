@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.spacing import grid_lines
 from numerics.fields import Fields
 from verify.health.state import WHOLE, uses_points, whole_bodies
 
@@ -31,10 +32,20 @@ def _turned(case: Case, fields: Fields) -> dict[str, float]:
 
 
 def _pieces(case: Case, fields: Fields, body: int) -> int:
-    """Pieces of a body's points as they lie now beyond those of the start, by cells of h that touch."""
+    """Pieces of a body's points as they lie now beyond those of the start, by cells of the grid that touch."""
     of_body = fields.body == body
-    now, before = (_connected(p[of_body] / case.mesh.h) for p in (fields.points, fields.reference))
+    now, before = (_connected(_in_cells(case, p[of_body])) for p in (fields.points, fields.reference))
     return max(0, now - before)
+
+
+def _in_cells(case: Case, places: NDArray) -> NDArray:
+    """Places (n, 2) counted in cells of the grid, whose outermost ones go on beside it."""
+    counted = []
+    for lines, x in zip(grid_lines(case), places.T, strict=True):
+        beside = np.minimum(x - lines[0], 0.0) / (lines[1] - lines[0])
+        beside += np.maximum(x - lines[-1], 0.0) / (lines[-1] - lines[-2])
+        counted.append(np.interp(x, lines, np.arange(len(lines))) + beside)
+    return np.stack(counted, axis=1)
 
 
 def _connected(places: NDArray) -> int:

@@ -62,7 +62,7 @@ INDICATORS = {
         "make mesh.h no more than the length scale, or the notch's factor larger",
     ),
     "locking": Indicator(
-        "share of the elastic energy in volume changes that alternate from point to point",
+        "share of the elastic energy in volume changes that alternate, of pressures that do where no volume changes",
         0.05, "0.78 in quadrilaterals that lock, 0.42 in triangles, 0.002 in those that do not",
         "set mesh.locking_free = true in a quasi-static case, or take material points with mpm.order = 2",
     ),
