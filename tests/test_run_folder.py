@@ -47,6 +47,9 @@ def test_what_was_changed_in_memory_is_not_lost_on_the_way_to_a_run(case_file: P
     with pytest.raises(CaseError, match=r"'change' is that of a run; name the run too"):
         load_case(case_file, "quick", change=finer)
     assert run(load_case(case_file, "quick", "fem", finer), "fem", out=tmp_path).case.mesh.h == 0.1
+    shorter = {"load": {"path": np.array([0.0, 0.005])}, "mpm": {"points_per_cell": np.int64(3)}}
+    done = run(load_case(case_file, "quick", "fem", shorter), "fem", out=tmp_path)
+    assert done.info["change"] == {"load": {"path": [0.0, 0.005]}, "mpm": {"points_per_cell": 3}}
     case, tables = load_case(case_file, "quick"), read_tables(case_file)
     changed = [
         case.model_copy(update={"mesh": case.mesh.model_copy(update={"h": 0.1})}),
@@ -57,6 +60,8 @@ def test_what_was_changed_in_memory_is_not_lost_on_the_way_to_a_run(case_file: P
         with pytest.raises(CaseError, match=r"is not what this case says.*give load_case the run and its change"):
             run(other, "fem", out=tmp_path)
     assert run(case, "fem", "standard", tmp_path).case.tier == "standard"
+    with pytest.raises(CaseError, match="is no file, and what runs is a case file"):
+        run(case_from_tables(tables, "quick", source=tmp_path / "none.toml"), "fem", out=tmp_path)
 
 
 def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) -> None:
