@@ -411,6 +411,16 @@ def test_fields_are_written_as_pyvista_would(case_file: Path, tmp_path: Path) ->
         assert (tmp_path / "ours.vtu").read_bytes() == (tmp_path / f"{number}.vtu").read_bytes()
 
 
+def test_fields_tell_where_they_are_their_units_and_their_components(case_file: Path, tmp_path: Path) -> None:
+    done = run(case_file, "fem", "quick", tmp_path)
+    points, grid = done.points(), done.grid()
+    assert list(points.field_data["u"]) == list(grid.field_data["u"]) == [0.01]
+    assert {"points mm", "displacement mm", "stress kN/mm^2", "volume mm^3"} <= set(points.field_data["units"])
+    assert list(grid.field_data["units"]) == ["points mm", "displacement mm"]
+    stress = points.GetPointData().GetArray("stress")
+    assert [stress.GetComponentName(number) for number in range(3)] == ["xx", "yy", "xy"]
+
+
 def test_what_can_change_the_numbers_of_a_run_is_known() -> None:
     """Whatever takes part in `running`, but for what only reads, refuses, waits or tells."""
     only_tell = {"atomic", "imported_error", "lock", "memory", "provenance", "run_folder", "sketch"}
