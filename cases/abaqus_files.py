@@ -104,20 +104,33 @@ def _options(line: str) -> tuple[str, dict[str, str]]:
 
 @dataclass
 class _Sets:
-    """Sets of numbers by names that are the same in capital and small letters; the first spelling is kept."""
+    """Sets of numbers by names that are the same in capital and small letters; the first spelling is kept.
+
+    of_instance : keys of the sets of the part, whose instance the assembly has; one that the assembly calls the same is
+        another set, and that of the part is then named as an assembly names it, "INSTANCE.NAME"
+    """
 
     spelt: dict[str, str] = field(default_factory=dict)
     members: dict[str, list[int]] = field(default_factory=dict)
+    of_instance: dict[str, str] = field(default_factory=dict)
+
+    def belong_to(self, instance: str) -> None:
+        """What is there are the sets of a part, and what comes those of the assembly with its instance."""
+        self.of_instance = dict.fromkeys(self.members, instance)
 
     def add(self, name: str, numbers: list[int]) -> None:
         """Put numbers into the set of a name."""
         key = name.strip('"').upper()
+        if instance := self.of_instance.pop(key, ""):
+            full = f"{instance}.{self.spelt.pop(key)}"
+            self.spelt[full.upper()], self.members[full.upper()] = full, self.members.pop(key)
         self.spelt.setdefault(key, name.strip('"'))
         self.members.setdefault(key, []).extend(numbers)
 
     def of(self, name: str) -> list[int] | None:
-        """Numbers of the set of a name, None where there is none."""
-        return self.members.get(name.strip('"').upper())
+        """Numbers of the set of a name, which may have that of an instance before it; None where there is none."""
+        key = name.strip('"').upper()
+        return self.members.get(key, self.members.get(key.rpartition(".")[2]))
 
     def named(self) -> list[tuple[str, list[int]]]:
         """Names as they were first spelt, and the numbers of each."""
@@ -153,7 +166,7 @@ class _Reader:
         if keyword in _MAKERS or (keyword in ("NODE", "ELEMENT") and "INPUT" in options):
             what = keyword if keyword in _MAKERS else f"{keyword}, INPUT"
             raise self._error(f"has *{what}, which is not read; write all nodes and elements into this file, one by one")
-        self._part(keyword, rows)
+        self._part(keyword, options, rows)
         if keyword in readers:
             try:
                 readers[keyword](options, rows)
@@ -162,13 +175,16 @@ class _Reader:
             except KeyError as option:
                 raise self._error(f"has *{keyword} without the option {option.args[0]}; export it again") from None
 
-    def _part(self, keyword: str, rows: list[list[str]]) -> None:
+    def _part(self, keyword: str, options: dict[str, str], rows: list[list[str]]) -> None:
         self.is_assembly = keyword == "ASSEMBLY" or (self.is_assembly and keyword != "END ASSEMBLY")
         twice = keyword in ("PART", "INSTANCE") and keyword in self.seen
         self.seen.append(keyword)
         if twice or (keyword == "INSTANCE" and rows):
             raise self._error("holds instances of parts, whose places cannot be read; write the input file without "
                               "parts and assemblies")  # fmt: skip
+        if keyword == "INSTANCE":
+            for sets in (self.node_sets, self.element_sets):
+                sets.belong_to(options.get("NAME", "part").strip('"'))
 
     def _nodes(self, options: dict[str, str], rows: list[list[str]]) -> None:
         if options.get("SYSTEM", "R").upper() != "R":
@@ -227,7 +243,7 @@ class _Reader:
             rows = [[str(n)] for n in numbers if n in known]
         found: list[int] = []
         for entry in (entry for row in rows for entry in row if entry):
-            others = [known[int(entry)]] if entry.isdigit() and int(entry) in known else sets.of(entry.rpartition(".")[2])
+            others = [known[int(entry)]] if entry.isdigit() and int(entry) in known else sets.of(entry)
             if others is None:
                 raise self._error(f"has a set that names {what} {entry}, which is not there; export it again")
             found += others

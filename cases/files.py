@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
@@ -59,44 +60,85 @@ def read_text(path: Path) -> str:
     return path.read_text(encoding="utf-8-sig")
 
 
-def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.float64]:
-    """Two columns (n, 2), force over displacement if not others, of a CSV file; lines starting with # are comments.
+def read_columns(path: Path) -> tuple[list[str], NDArray[np.float64]]:
+    """Names (m) and rows (n, m) of a table of numbers, columns parted by commas, semicolons, tabs or spaces.
+
+    Lines that begin with # are comments; where no other line is a header, the last of them before the numbers is. A cell
+    that is empty or no number is NaN, and empty ones behind the last name are passed over.
 
     Raises
     ------
-    BrokenRuleError : columns are missing or there twice, there are no rows, one of them has more or fewer cells, or a
-        number is missing or not finite
+    BrokenRuleError : no text, without a header or rows, or a row has more or fewer cells than the header
     """
     try:
-        lines = [line.strip() for line in read_text(path).splitlines()]
-    except (OSError, UnicodeDecodeError):
-        raise BrokenRuleError("cannot be read as text", "save it as UTF-8 CSV", value=path.name) from None
-    rows = [line.split(",") for line in lines if line and not line.startswith("#")]
-    header = [name.strip() for name in ",".join(rows[0]).rstrip(", ").split(",")] if rows else []
-    rows = [row[: len(header)] if not "".join(row[len(header) :]).strip() else row for row in rows]
-    if not set(columns) <= set(header):
-        remedy = f'start it with the line "{",".join(columns)}"'
-        text = f"has no columns {' and '.join(columns)}" if header else "is empty"
-        raise BrokenRuleError(text, remedy, value=path.name)
-    if len(rows) == 1:
-        raise BrokenRuleError("has no rows", "add the points of the curve", value=path.name)
-    if twice := next((name for name in columns if header.count(name) > 1), None):
-        raise BrokenRuleError(f"names the column {twice} twice", "rename one", value=path.name)
-    for number, row in enumerate(rows[1:], 1):
+        lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
+    except UnicodeDecodeError as error:
+        text = f"is no UTF-8 text (byte {error.start})"
+        raise BrokenRuleError(text, "save it as CSV in UTF-8", value=path.name) from None
+    except OSError:
+        raise BrokenRuleError("cannot be read", "allow reading it", value=path.name) from None
+    rows = [line for line in lines if not line.startswith("#")]
+    if not rows:
+        raise BrokenRuleError("is empty", "give a header such as u,F and a row for each state", value=path.name)
+    delimiter = next((sign for sign in (",", ";", "\t") if sign in rows[0]), None)
+    header = _cells(rows[0], delimiter)
+    if all(_is_number(cell) for cell in header):
+        header, rows = _commented_header(path, lines, len(header), delimiter), ["", *rows]
+    while header and not header[-1]:
+        header.pop()
+    values = [_cells(row, delimiter) for row in rows[1:]]
+    values = [row[: len(header)] if not any(row[len(header) :]) else row for row in values]
+    if not values:
+        text = f"has no rows under its header {', '.join(header)}"
+        raise BrokenRuleError(text, "give one for each state", value=path.name)
+    for number, row in enumerate(values, 1):
         if len(row) != len(header):
             text = f"has {len(row)} cells in row {number} and {len(header)} in its header"
             raise BrokenRuleError(text, "correct it, and write decimals with a point", value=path.name)
-    places = header.index(columns[0]), header.index(columns[1])
-    values = [_row(row, places) for row in rows[1:]]
-    wrong = next((number for number, row in enumerate(values, 1) if not np.all(np.isfinite(row))), None)
-    if wrong is not None:
-        text = f"has no finite {' and '.join(columns)} in row {wrong}"
-        raise BrokenRuleError(text, "correct or remove the row", value=path.name)
-    return np.array(values)
+    return header, np.array([[_number(cell) for cell in row] for row in values])
 
 
-def _row(row: list[str], places: tuple[int, int]) -> tuple[float, ...]:
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    cells = line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
+    return [cell.strip() for cell in cells]
+
+
+def _number(cell: str) -> float:
     try:
-        return tuple(float(row[place]) for place in places)
-    except (ValueError, IndexError):
-        return (float("nan"),)
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+def _is_number(cell: str) -> bool:
+    return bool(np.isfinite(_number(cell))) or cell.lower() in ("nan", "inf", "-inf")
+
+
+def _commented_header(path: Path, lines: list[str], count: int, delimiter: str | None) -> list[str]:
+    comments = [_cells(line.lstrip("# "), delimiter) for line in lines if line.startswith("#")]
+    fitting = [cells for cells in comments if len(cells) == count and not any(map(_is_number, cells))]
+    if not fitting:
+        text = f"has no header, its first line is {count} numbers"
+        raise BrokenRuleError(text, "write one above it, such as u,F", value=path.name)
+    return fitting[-1]
+
+
+def read_curve(path: Path, columns: tuple[str, str] = ("u", "F")) -> NDArray[np.float64]:
+    """Two columns (n, 2) of a table, force over displacement if not others; see `read_columns`.
+
+    Raises
+    ------
+    BrokenRuleError : it is no table, columns are missing or there twice, or a number is missing or not finite
+    """
+    header, values = read_columns(path)
+    if not set(columns) <= set(header):
+        remedy = f'start it with the line "{",".join(columns)}"'
+        raise BrokenRuleError(f"has no columns {' and '.join(columns)}", remedy, value=path.name)
+    if twice := next((name for name in columns if header.count(name) > 1), None):
+        raise BrokenRuleError(f"names the column {twice} twice", "rename one", value=path.name)
+    curve = values[:, [header.index(name) for name in columns]]
+    wrong = np.flatnonzero(~np.isfinite(curve).all(axis=1))
+    if len(wrong):
+        text = f"has no finite {' and '.join(columns)} in row {wrong[0] + 1}"
+        raise BrokenRuleError(text, "correct or remove the row, with a point for decimals", value=path.name)
+    return curve

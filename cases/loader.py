@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from cases.case import CASE_FILE, Case
@@ -20,7 +21,7 @@ from cases.files import read_text
 from cases.geometry import SLACK
 from cases.judging import TIERS, merge, nest
 from cases.messages import case_error, sentence
-from cases.schema import CaseDescription
+from cases.schema import KEPT_BY_RUNS, CaseDescription
 from cases.table import Table, nearest, unknown_key_remedy
 from cases.units import Units
 
@@ -66,7 +67,7 @@ def load_case(
     name_or_path : name in the library, folder that holds a case.toml, or path of a .toml file
     tier : "quick", "standard" (if None) or "paper"; the tables of [tiers.<tier>] are merged over the file
     run : one of `case.expanded_runs()`; its `change` tables and sweep values are merged too
-    change : tables laid over those of the run, to vary it; only with a run
+    change : tables laid over those of the run, to vary it, of what a run may change; only with a run
 
     Raises
     ------
@@ -92,8 +93,10 @@ def of_its_file(case: Case, tier: str | None, run: str | None) -> Case:
 
     Raises
     ------
-    CaseError : the other one is not what the file says, so that what was changed in it would be lost
+    CaseError : there is no file, or the other one is not what it says, so that what was changed in it would be lost
     """
+    if not Path(case.source).is_file():
+        raise CaseError(f"{case.source}: is no file, and what runs is a case file; write the case's tables into it.")
     if load_case(case.source, case.tier, case.run) != case:
         text = "is not what this case says, which was changed after it was read, or before"
         remedy = "change the file, or give load_case the run and its change"
@@ -123,11 +126,7 @@ def case_from_tables(
     CaseError : something in the tables is wrong
     """
     file = (source or Path.cwd() / CASE_FILE).resolve()
-    if change is not None and not isinstance(change, dict):
-        raise sentence(file, "change", change, "is not a table", 'give tables as {"mesh": {"h": 0.1}}')
-    for key, value in (change or {}).items():
-        if "." in str(key):
-            raise sentence(file, f"change.{key}", None, "is a key with dots", f"give tables as {nest(key, value)}")
+    change = None if change is None else _varying(file, change)
     builder = _Builder(tables, name, file)
     tier = tier or DEFAULT_TIER
     if tier not in TIERS:
@@ -142,6 +141,27 @@ def case_from_tables(
         remedy = nearest(str(run), case.expanded_runs(), "choose a run of the case")
         raise sentence(file, "run", run, "is not a run of this case", remedy)
     return builder.case(tier, run, case, change)
+
+
+def _varying(file: Path, change: Any) -> Tables:
+    """A change of a run as plain tables, where it is of what a run may change; CaseError where not."""
+    if not isinstance(change, dict):
+        raise sentence(file, "change", change, "is not a table", 'give tables as {"mesh": {"h": 0.1}}')
+    for key, value in change.items():
+        if "." in str(key):
+            raise sentence(file, f"change.{key}", None, "is a key with dots", f"give tables as {nest(key, value)}")
+        if key in KEPT_BY_RUNS:
+            raise sentence(file, f"change.{key}", None, "may not be changed by a run", "write another case file")
+    return {key: _plain(value) for key, value in change.items()}
+
+
+def _plain(value: Any) -> Any:
+    """What a case file could hold, of arrays and numbers of numpy and of any sequence."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return [_plain(entry) for entry in value] if isinstance(value, list | tuple | range) else value
 
 
 class _UnitsOnly(Table):
@@ -179,7 +199,7 @@ class _Builder:
             ]
             tables = merge(tables, spec.change)
         if varied:
-            origins = [("varied", varied), *origins]
+            origins = [("change", varied), *origins]
             tables = merge(tables, varied)
         place = {"name": self.name, "folder": self.source.parent, "source": self.source}
         told = {"tier": tier, "run": run, "change": varied or {}}

@@ -84,7 +84,9 @@ def _each_once(mesh: meshio.Mesh) -> list[tuple[str, NDArray]]:
 def boundary_of_group(path: Path, group: str) -> BaseGeometry:
     """Lines, areas or points of a group in a mesh file, in the file's own numbers.
 
-    Of a set of nodes the edges on the outline whose ends both belong to it, and where there are none the nodes.
+    Of a set of nodes the edges on the outline whose ends both belong to it, and where there are none the nodes. Where
+    nodes and elements have one name and the nodes are some of those of the elements, they are meant: of an edge
+    Abaqus/CAE writes its nodes, and by the same name the elements beside it.
 
     Raises
     ------
@@ -152,7 +154,7 @@ def _check_no_coordinate_systems(path: Path) -> None:
     for line in path.read_text(encoding="utf-8").upper().splitlines():
         width = 16 if line.startswith("GRID*") else 8
         system = line.split(",")[2:3] if "," in line else [line[8 + width : 8 + 2 * width]]
-        if line.startswith("GRID") and "".join(system).strip() not in ("", "0"):
+        if line.startswith(("GRID", "GRDSET")) and "".join(system).strip() not in ("", "0"):
             shown = " ".join(line.split())[:40]
             raise MeshError(f"{path}: has nodes in coordinates of their own ({shown}); export it in basic ones")
 
@@ -169,7 +171,7 @@ def _with_whole_data(points: NDArray, cells: list[Any], cell_data: dict[str, Any
 def _boundary(path: Path, group: str, modified: int) -> BaseGeometry:
     mesh = read_mesh(path)
     points, groups = np.asarray(mesh.points)[:, :2], cells_of_groups(mesh)
-    if group in groups:
+    if group in groups and not _is_set_of_nodes(mesh, group, groups[group]):
         chosen = zip(mesh.cells, groups[group], strict=True)
         plane = [(block.data[some], CORNERS[block.type]) for block, some in chosen if block.type in CORNERS]
         cells = [cell for data, corners in plane for cell in data[:, :corners]]
@@ -186,6 +188,13 @@ def _boundary(path: Path, group: str, modified: int) -> BaseGeometry:
     if len(edges):
         return shapely.union_all(shapely.linestrings(points[edges]))
     return shapely.union_all(shapely.points(points[nodes]))
+
+
+def _is_set_of_nodes(mesh: Any, group: str, cells: list[NDArray]) -> bool:
+    """Some, but not all, nodes of the cells of this name are in a set of nodes of the same name."""
+    chosen = zip(mesh.cells, cells, strict=True)
+    of_cells = np.concatenate([np.empty(0, dtype=np.int64), *(block.data[some].ravel() for block, some in chosen)])
+    return bool(len(mesh.point_sets.get(group, ()))) and not np.isin(of_cells, mesh.point_sets[group]).all()
 
 
 def _shape_of(corners: NDArray) -> BaseGeometry:

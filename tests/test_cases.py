@@ -825,6 +825,7 @@ CURVES = {
     "not a number": ("u,F\n0,nan\n", "row 1"),
     "short row": ("u,F\n0,1\n1\n", "row 2"),
     "words": ("u,F\n0,one\n", "row 1"),
+    "no name": (",,\n,,\n", "no columns u and F"),
     "decimal commas": ("u,F\n0,0\n0,001,0,5\n", "4 cells in row 2 and 2 in its header; correct it, and write decimals"),
     "a column twice": ("u,F,F\n0,0,0\n", "names the column F twice"),
 }
@@ -840,6 +841,15 @@ def test_unusable_reference_curves_are_rejected(what: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("text", ["u,F,note\n0,0,\n1,2,\n", "u,F\n0,0,\n1,2, ,\n", "u,F,\n0,0\n1,2,\n"])
 def test_empty_cells_at_the_end_of_rows_do_no_harm(text: str, tmp_path: Path) -> None:
+    (tmp_path / "book.csv").write_text(text)
+    assert read_curve(tmp_path / "book.csv").tolist() == [[0.0, 0.0], [1.0, 2.0]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["u;F\n0;0\n1;2\n", "u\tF\n0\t0\n1\t2\n", " u  F\n 0  0\n 1  2\n", "# u F\n0 0\n1 2\n", '"u","F"\n"0","0"\n1,2\n'],
+)
+def test_a_curve_is_a_table_as_a_history_is(text: str, tmp_path: Path) -> None:
     (tmp_path / "book.csv").write_text(text)
     assert read_curve(tmp_path / "book.csv").tolist() == [[0.0, 0.0], [1.0, 2.0]]
 

@@ -1,6 +1,7 @@
 """Fields from elsewhere: from files of any kind to crack path and figures; what is missing is one sentence."""
 
 import locale
+import re
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,32 @@ def xdmf(mesh: pyvista.UnstructuredGrid) -> str:
     )
 
 
+def as_fenics(text: str) -> str:
+    """The same with a collection of two times for each array, whose grids include the mesh of the first one."""
+    head, _, _ = text.partition("<Attribute")
+    include = '<xi:include xpointer="xpointer(/Xdmf/Domain/Grid[1]/*[self::Topology or self::Geometry])"/>'
+    collections = "".join(
+        '<Grid GridType="Collection" CollectionType="Temporal">'
+        + "".join(f'<Grid GridType="Uniform">{include}<Time Value="{time}"/>{array}</Grid>' for time in ("0.5", "1"))
+        + "</Grid>"
+        for array in re.findall("<Attribute.*?</Attribute>", text)
+    )
+    space = '<Xdmf xmlns:xi="http://www.w3.org/2001/XInclude" '
+    return f"{head}</Grid>{collections}</Domain></Xdmf>".replace("<Xdmf ", space)
+
+
+def test_a_mesh_that_grids_of_several_times_include_is_there_once(case: Case, tmp_path: Path) -> None:
+    mesh = plate(case)
+    (tmp_path / "a.xdmf").write_text(as_fenics(xdmf(mesh.triangulate())), encoding="utf-8")
+    states = read_states(fields(tmp_path / "a.xdmf"), case)
+    ((_, once),) = read_states(fields(saved(mesh, tmp_path / "a.vtu")), case)
+    assert [time for time, _ in states] == [0.5, 1.0]
+    for _, state in states:
+        assert state.volume.sum() == pytest.approx(once.volume.sum())
+        assert np.ptp(state.displacement[:, 1]) == pytest.approx(np.ptp(once.displacement[:, 1]))
+        assert state.phase_field.min() == pytest.approx(once.phase_field.min())
+
+
 @pytest.mark.parametrize("name", ["a.vtu", "a.vtk", "a.xdmf"])
 def test_a_file_gives_phase_field_displacement_and_their_gradient(name: str, case: Case, tmp_path: Path) -> None:
     file, before = saved(plate(case), tmp_path / name), locale.setlocale(locale.LC_ALL)
@@ -119,8 +146,9 @@ def test_what_does_not_fit_is_one_sentence(keys: dict[str, str], said: str, case
 
 
 @pytest.mark.parametrize(
-    ("name", "text"), [("a.vtu", "no XML"), ("a.vtu", ""), ("a.abc", "x"), ("a.pvd", "<VTKFile/>"), ("a.xdmf", "<Xdmf/>")]
-)
+    ("name", "text"), [("a.vtu", "no XML"), ("a.vtu", ""), ("a.abc", "x"), ("a.pvd", "<VTKFile/>"), ("a.xdmf", "<Xdmf/>"),
+     ("a.pvd", '<VTKFile><Collection><DataSet timestep="0" file="none.vtu"/></Collection></VTKFile>')],
+)  # fmt: skip
 def test_a_file_that_holds_nothing_is_one_sentence(name: str, text: str, case: Case, tmp_path: Path) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(ImportedError, match=r"cannot be read \("):

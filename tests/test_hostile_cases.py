@@ -95,7 +95,8 @@ def test_a_path_that_no_system_has_is_no_such_case() -> None:
     [((3,), "name_or_path' = 3 is neither"), ((None,), "is neither"), ((["bar_profile"],), "is neither"),
      (("bar_profile", "quick", 1), "'run' = 1 is not a run"),
      (("bar_profile", "quick", "fem", [1]), r"change' = \[1\] is not a table"),
-     (("bar_profile", "quick", "fem", {"mesh.h": 0.1}), "is a key with dots; give tables as {'mesh': {'h': 0.1}}")],
+     (("bar_profile", "quick", "fem", {"mesh.h": 0.1}), "is a key with dots; give tables as {'mesh': {'h': 0.1}}"),
+     (("bar_profile", "quick", "fem", {"units": {"force": "N"}}), "'change.units' may not be changed by a run")],
 )  # fmt: skip
 def test_what_python_gives_in_place_of_texts_is_one_sentence(arguments: tuple[Any, ...], said: str) -> None:
     with pytest.raises(CaseError, match=said):

@@ -22,7 +22,7 @@ from reports.pages import fill_page
 from verify import compare
 from verify.judging.acceptance import accept
 from verify.judging.archive import read_archive, write_archive
-from verify.judging.baseline import read_baseline
+from verify.judging.baseline import read_baseline, write_baseline
 from verify.judging.coverage import NO_CHECK, Printed, coverage, coverage_sentence
 from verify.judging.judge import checks_of, judge_case
 from verify.judging.summary import exit_code, summarise, write_summary
@@ -147,6 +147,15 @@ def test_a_missing_baseline_is_missing_and_fails_until_accepted(tmp_path: Path) 
     row = read_baseline(case)[0]
     assert (row.tier, row.run, row.metric, row.reason) == ("quick", "mpm", "peak_force", "first values")
     assert row.value == pytest.approx(0.51)
+
+
+def test_a_baseline_in_another_unit_is_missing_and_the_remedy_names_the_file(tmp_path: Path) -> None:
+    case, out = made(tmp_path, fake_solver.check("baseline", 0.5))
+    (row,) = accept(case, "first values", out)
+    write_baseline(case, [replace(row, unit="MN")])
+    (result,) = judge_case(case, out).checks
+    assert result.verdict == "MISSING" and "the baseline is in MN, the case in kN" in result.note
+    assert f"`verify accept {case.source} --tier quick --reason" in result.note
 
 
 def test_a_changed_result_fails_against_the_baseline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

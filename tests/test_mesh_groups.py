@@ -9,7 +9,7 @@ import pytest
 from cases import Case, CaseError, case_from_tables
 from cases.errors import BrokenRuleError
 from cases.mesh_files import read_mesh_file
-from cases.mesh_groups import boundary_of_group
+from cases.mesh_groups import boundary_of_group, names_of_groups
 from numerics.description import describe
 from verify.runs.running import DISCRETISATIONS, solver_records
 
@@ -121,6 +121,24 @@ def test_what_is_in_several_groups_of_gmsh_is_in_each_of_them(tmp_path: Path) ->
         boundary_of_group(tmp_path / "a.msh", "glue")
     (tmp_path / "b.msh").write_text(GMSH_2_SHARED)
     assert [len(read_mesh_file(tmp_path / "b.msh", 0, group).cells) for group in (None, "steel", "half")] == [2, 1, 1]
+
+
+#: as Abaqus/CAE writes it: an edge as its nodes and, by the same name, the elements beside it, or a set of the part
+ABAQUS_CAE = (
+    f"*Part, name=Plate\n{ABAQUS}*Nset, nset=Set-1, generate\n1, 6, 1\n*Elset, elset=Set-1, generate\n1, 2, 1\n"
+    "*End Part\n*Assembly, name=Assembly\n*Instance, name=Plate-1, part=Plate\n*End Instance\n"
+    "*Nset, nset=Set-1, instance=Plate-1, generate\n4, 6, 1\n*Elset, elset=Set-1, instance=Plate-1, generate\n1, 2, 1\n"
+    "*Nset, nset=both\nPlate-1.Top\n*End Assembly\n"
+)
+
+
+def test_an_edge_of_abaqus_is_its_nodes_and_not_the_elements_beside_it(tmp_path: Path) -> None:
+    file = tmp_path / "cae.inp"
+    file.write_text(ABAQUS_CAE)
+    assert boundary_of_group(file, "Set-1").bounds == (0.0, 1.0, 2.0, 1.0)
+    assert boundary_of_group(file, "both").bounds == (0.0, 1.0, 2.0, 1.0)
+    assert boundary_of_group(file, "Plate-1.Set-1").area == 2.0
+    assert names_of_groups(file) == ["Plate-1.Set-1", "Set-1", "Top", "all", "both", "glue", "steel"]
 
 
 def test_one_cell_in_two_surfaces_is_refused(tmp_path: Path) -> None:

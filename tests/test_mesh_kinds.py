@@ -150,6 +150,7 @@ BROKEN: dict[str, tuple[Writer, str]] = {
     "a set of nothing.inp": (text(ABAQUS.replace("4, 5, 6", "4, Ends")), "names node Ends, which is not there"),
     "another system.bdf": (text(NASTRAN.replace("{}", "5")), "nodes in coordinates of their own (GRID,1,5,"),
     "another system in columns.bdf": (text("GRID           1       5     0.0\n"), "(GRID 1 5 0.0)"),
+    "another system for all.bdf": (text("GRDSET,,5\n" + NASTRAN.replace("{}", "")), "(GRDSET,,5)"),
     "no element.inp": (text(ABAQUS.partition("*ELEMENT")[0]), "no triangles or quadrilaterals"),
 }
 

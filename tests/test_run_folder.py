@@ -47,6 +47,9 @@ def test_what_was_changed_in_memory_is_not_lost_on_the_way_to_a_run(case_file: P
     with pytest.raises(CaseError, match=r"'change' is that of a run; name the run too"):
         load_case(case_file, "quick", change=finer)
     assert run(load_case(case_file, "quick", "fem", finer), "fem", out=tmp_path).case.mesh.h == 0.1
+    shorter = {"load": {"path": np.array([0.0, 0.005])}, "mpm": {"points_per_cell": np.int64(3)}}
+    done = run(load_case(case_file, "quick", "fem", shorter), "fem", out=tmp_path)
+    assert done.info["change"] == {"load": {"path": [0.0, 0.005]}, "mpm": {"points_per_cell": 3}}
     case, tables = load_case(case_file, "quick"), read_tables(case_file)
     changed = [
         case.model_copy(update={"mesh": case.mesh.model_copy(update={"h": 0.1})}),
@@ -57,6 +60,8 @@ def test_what_was_changed_in_memory_is_not_lost_on_the_way_to_a_run(case_file: P
         with pytest.raises(CaseError, match=r"is not what this case says.*give load_case the run and its change"):
             run(other, "fem", out=tmp_path)
     assert run(case, "fem", "standard", tmp_path).case.tier == "standard"
+    with pytest.raises(CaseError, match="is no file, and what runs is a case file"):
+        run(case_from_tables(tables, "quick", source=tmp_path / "none.toml"), "fem", out=tmp_path)
 
 
 def test_a_finished_run_is_read_back_as_it_was(case_file: Path, tmp_path: Path) -> None:
@@ -404,6 +409,16 @@ def test_fields_are_written_as_pyvista_would(case_file: Path, tmp_path: Path) ->
         mesh.save(tmp_path / f"{number}.vtu")
         write_mesh(mesh, tmp_path / "ours.vtu")
         assert (tmp_path / "ours.vtu").read_bytes() == (tmp_path / f"{number}.vtu").read_bytes()
+
+
+def test_fields_tell_where_they_are_their_units_and_their_components(case_file: Path, tmp_path: Path) -> None:
+    done = run(case_file, "fem", "quick", tmp_path)
+    points, grid = done.points(), done.grid()
+    assert list(points.field_data["u"]) == list(grid.field_data["u"]) == [0.01]
+    assert {"points mm", "displacement mm", "stress kN/mm^2", "volume mm^3"} <= set(points.field_data["units"])
+    assert list(grid.field_data["units"]) == ["points mm", "displacement mm"]
+    stress = points.GetPointData().GetArray("stress")
+    assert [stress.GetComponentName(number) for number in range(3)] == ["xx", "yy", "xy"]
 
 
 def test_what_can_change_the_numbers_of_a_run_is_known() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
-from cases import Case, Check, UserError, list_cases, load_case, of_its_file
+from cases import Case, Check, UserError, load_case, of_its_file
 from cases.copies import write_copy
 from cases.errors import BrokenRuleError
 from cases.foreign_fields import ForeignFields, parse_arrays
@@ -26,7 +26,7 @@ from cases.solvers import IMPORTED
 from physics.surface_energy import RAISED
 from verify.judging.judge import checks_of
 from verify.judging.summary import summarise, write_summary
-from verify.judging.targets import CURVE_METRICS, JudgeError, reference_curve
+from verify.judging.targets import CURVE_METRICS, JudgeError, asked_for, reference_curve
 from verify.judging.views import Json
 from verify.metrics.curves import Curve, CurveError, displacement_at_peak, peak_force, peak_index
 from verify.metrics.registry import PAIR_METRICS
@@ -181,8 +181,7 @@ def _command(case: Case, foreign: ForeignResult) -> str:
     if foreign.within is not None:
         options["--within"] = f"{foreign.within:g}"
     said = [word for pair in options.items() if pair[1] for word in pair]
-    asked = case.name if case.name in list_cases() else str(case.source)
-    return shlex.join(["verify", "judge", asked, "--history", _called(foreign.history), *said])
+    return f"verify judge {asked_for(case)} {shlex.join(['--history', _called(foreign.history), *said])}"
 
 
 def _called(given: Path | pd.DataFrame) -> str:

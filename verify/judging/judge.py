@@ -13,10 +13,10 @@ from numerics.status import RunStatus
 from physics.rocking.records import missing_record
 from verify.health import INDICATORS, suspicions
 from verify.judging.baseline import BaselineRow, Key, key_of, read_baseline
-from verify.judging.targets import JudgeError, require_known, require_sense, target_of, value_of
+from verify.judging.targets import JudgeError, asked_for, require_known, require_sense, target_of, value_of
 from verify.metrics.curves import CurveError
 from verify.metrics.metric import NotGivenError, NothingToCompareError
-from verify.metrics.registry import find_metric
+from verify.metrics.registry import find_metric, metric_unit
 from verify.runs.run_folder import RunFolder, RunFolderError, as_expected, partial_folder, run_path
 
 CheckVerdict = Literal["PASS", "FAIL", "MISSING", "NEEDS_RECORD", "INFO"]
@@ -224,12 +224,11 @@ class Judge:
     def target(self, check: Check) -> float | None:
         """The value to meet; None where the metric is an error or a distance itself."""
         if check.against == "baseline":
-            row = self.baseline.get(key_of(check, self.case))
-            if row is None:
-                raise UnavailableError(
-                    f"no baseline for this tier; accept one with "
-                    f'`verify accept {self.case.name} --tier {self.case.tier} --reason "..."`'
-                )
+            row, unit = self.baseline.get(key_of(check, self.case)), metric_unit(check.metric, self.case)
+            if row is None or row.unit != unit:
+                missing = f"the baseline is in {row.unit}, the case in {unit}" if row else "no baseline for this tier"
+                remedy = f'`verify accept {asked_for(self.case)} --tier {self.case.tier} --reason "..."`'
+                raise UnavailableError(f"{missing}; accept one with {remedy}")
             return row.value
         return target_of(check, self.case, self.available)
 

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import shlex
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
@@ -14,7 +13,7 @@ from typing import Any
 from cases import Case, case_at, load_case
 from cases.loader import reading_once
 from verify.judging.judge import CaseVerdict, CheckResult, RunState, judge_case
-from verify.judging.targets import reference_curve
+from verify.judging.targets import asked_for, reference_curve
 from verify.judging.views import Json, checks_csv, junit_xml, markdown
 from verify.metrics.crack_path import hausdorff, mean_distance
 from verify.metrics.curves import Curve, CurveError, compare_curves
@@ -104,13 +103,10 @@ def _case_entry(judged: CaseVerdict, out: Path) -> Json:
 
 def reproduce_command(case: Case) -> str:
     """The command that computes and judges this case again."""
-    from cases import list_cases
-
-    if case.name in list_cases() and load_case(case.name).source == case.source:
-        return f"make verify CASE={case.name} TIER={case.tier}"
-    here, source = Path.cwd(), Path(case.source).resolve()
-    asked = f"{shlex.quote(str(source.relative_to(here) if source.is_relative_to(here) else source))} --tier {case.tier}"
-    return f"verify run {asked} && verify compare {asked}"
+    asked = asked_for(case)
+    if asked == case.name:
+        return f"make verify CASE={asked} TIER={case.tier}"
+    return f"verify run {asked} --tier {case.tier} && verify compare {asked} --tier {case.tier}"
 
 
 def _run_entry(state: RunState, out: Path) -> Json:

@@ -1,11 +1,13 @@
 """Values of metrics and what they are held against: in a run, in print, in an exact solution."""
 
 import difflib
+import shlex
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
-from cases import Case, Check
+from cases import Case, Check, list_cases, load_case
 from cases.errors import UserError
 from cases.geometry import SLACK
 from cases.judging import EACH
@@ -25,6 +27,14 @@ Available = Callable[[str], RunFolder]
 
 class JudgeError(UserError):
     """Something asked for cannot be judged; its text is one sentence with place, value and remedy."""
+
+
+def asked_for(case: Case) -> str:
+    """What a command calls the case: its name in the library, or its file as seen from here, quoted for a shell."""
+    if case.name in list_cases() and load_case(case.name).source == case.source:
+        return case.name
+    here, source = Path.cwd(), Path(case.source).resolve()
+    return shlex.quote(str(source.relative_to(here) if source.is_relative_to(here) else source))
 
 
 def require_sense(case: Case, number: int, check: Check) -> None:

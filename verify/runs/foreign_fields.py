@@ -6,6 +6,7 @@ import locale
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from cases.foreign_fields import ForeignFields
 from cases.mesh_arrays import signed_areas
 from numerics.fields import Fields
 from verify.runs.imported_error import ImportedError, listed
+from verify.runs.xdmf_files import without_includes
 
 if TYPE_CHECKING:
     import pyvista
@@ -74,9 +76,7 @@ def _meshes(fields: ForeignFields) -> Iterator[tuple[float | None, pyvista.Unstr
         raise _unreadable(fields, " ".join(str(problem).split())[:200]) from None
     times = list(reader.time_values) if hasattr(reader, "time_values") else []
     for time in times or [None]:
-        if time is not None:
-            reader.set_active_time_value(time)
-        yield time, _one_mesh(fields, reader)
+        yield time, _one_mesh(fields, reader, time)
 
 
 class _Xdmf:
@@ -85,8 +85,9 @@ class _Xdmf:
     def __init__(self, file: Path) -> None:
         from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
 
+        self._folder = TemporaryDirectory()  # as long as there is something to read
         self._reader = vtkXdmfReader()
-        self._reader.SetFileName(str(file))
+        self._reader.SetFileName(str(without_includes(file, Path(self._folder.name))))
 
     @property
     def time_values(self) -> list[float]:
@@ -126,11 +127,13 @@ def _unreadable(fields: ForeignFields, why: str) -> ImportedError:
     return ImportedError(f"{fields.file}: cannot be read ({why}); give a .vtu, .pvd, .vtk, .xdmf or .exo file.")
 
 
-def _one_mesh(fields: ForeignFields, reader: Any) -> pyvista.UnstructuredGrid:
+def _one_mesh(fields: ForeignFields, reader: Any, time: float | None) -> pyvista.UnstructuredGrid:
     import pyvista
 
     try:
         with _without_warnings():
+            if time is not None:
+                reader.set_active_time_value(time)
             mesh = reader.read()
         if isinstance(mesh, pyvista.MultiBlock):
             mesh = mesh.combine()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ import pandas as pd
 
 from cases import Case
 from cases.errors import BrokenRuleError
+from cases.files import read_columns
 from cases.judging import Foreign
 from cases.mapping import DAMAGE, FORCE_LIKE, KINDS_OF_COLUMNS, Mapping, Source, parse_mapping, unit_factor
 from cases.table import nearest
@@ -84,61 +84,14 @@ def _foreign(case: Case) -> Foreign | None:
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """A CSV file with a header, columns parted by commas, semicolons, tabs or spaces, as numbers.
-
-    Lines that begin with # are comments; where no other line is a header, the last of them before the numbers is. A cell
-    that is empty or no number is NaN. Raises ImportedError for a file that is empty, no text or without a header.
-    """
+    """A table as `cases.files.read_columns` reads it. Raises ImportedError for what is none, or names a column twice."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ImportedError(f"{path}: is no UTF-8 text (byte {error.start}); save it as CSV in UTF-8.") from None
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    rows = [line for line in lines if not line.startswith("#")]
-    if not rows:
-        raise ImportedError(f"{path}: is empty; give a header such as u,F and a row for each state.")
-    delimiter = next((sign for sign in (",", ";", "\t") if sign in rows[0]), None)
-    header = _cells(rows[0], delimiter)
-    if all(_is_number(cell) for cell in header):
-        header, rows = _commented_header(path, lines, len(header), delimiter), ["", *rows]
-    values = [_cells(row, delimiter) for row in rows[1:]]
-    _require_table(path, header, values)
-    return pd.DataFrame([[_number(cell) for cell in row] for row in values], columns=header)
-
-
-def _cells(line: str, delimiter: str | None) -> list[str]:
-    cells = line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
-    return [cell.strip() for cell in cells]
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
-
-
-def _is_number(cell: str) -> bool:
-    return np.isfinite(_number(cell)) or cell.lower() in ("nan", "inf", "-inf")
-
-
-def _commented_header(path: Path, lines: list[str], count: int, delimiter: str | None) -> list[str]:
-    comments = [_cells(line.lstrip("# "), delimiter) for line in lines if line.startswith("#")]
-    fitting = [cells for cells in comments if len(cells) == count and not any(map(_is_number, cells))]
-    if not fitting:
-        raise ImportedError(f"{path}: has no header, its first line is {count} numbers; write one above it, such as u,F.")
-    return fitting[-1]
-
-
-def _require_table(path: Path, header: list[str], values: list[list[str]]) -> None:
-    if not values:
-        raise ImportedError(f"{path}: has no rows under its header {', '.join(header)}; give one for each state.")
-    for number, row in enumerate(values, 1):
-        if len(row) != len(header):
-            said = f"row {number} has {len(row)} cells and the header {len(header)} ({listed(header)})"
-            raise ImportedError(f"{path}: {said}; correct it, and write decimals with a point.")
+        header, values = read_columns(path)
+    except BrokenRuleError as error:
+        raise ImportedError(f"{path}: {error.text}; {error.remedy}.") from None
     if len(set(header)) < len(header):
         raise ImportedError(f"{path}: names a column twice ({listed(header)}); rename one.")
+    return pd.DataFrame(values, columns=header)
 
 
 def read_path(path: Path) -> np.ndarray:

@@ -19,8 +19,8 @@ SOLVING = ("cases", "physics", "numerics", "fem_reference", "mpm", "rigid_block"
 SOLVING_MODULES = (
     "verify/runs/running.py", "verify/runs/run_writer.py", "verify/runs/checkpoint.py", "verify/runs/listeners.py",
     "verify/runs/frames.py", "verify/runs/vtk_files.py", "verify/runs/importing.py", "verify/runs/foreign_fields.py",
-    "verify/runs/field_energies.py", "verify/metrics/crack_path.py", "verify/metrics/energy_release.py",
-    "verify/metrics/histories.py", "verify/metrics/release.py",
+    "verify/runs/xdmf_files.py", "verify/runs/field_energies.py", "verify/metrics/crack_path.py",
+    "verify/metrics/energy_release.py", "verify/metrics/histories.py", "verify/metrics/release.py",
 )  # fmt: skip
 # What is recorded beside a case from results: it changes none.
 RECORDED = ("baseline.csv", "charts/*", "maps/*", "prices.csv", "results/*")

@@ -287,6 +287,7 @@ class RunFolder:
     def points(self, u: float | None = None) -> "pyvista.UnstructuredGrid":
         """Integration points of the snapshot at load or time ``u``, to an increment; the last state without it.
 
+        ``field_data["u"]`` tells where it is, ``field_data["units"]`` the units of the arrays.
         Raises NotGivenError where no snapshot is near.
         """
         return self._points(self._stored(u)["points_file"])

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 from xml.etree import ElementTree
@@ -29,6 +30,7 @@ from verify.runs.run_folder import (
 )
 
 if TYPE_CHECKING:
+    from cases.units import Units
     from numerics.fields import Fields
     from numerics.records import Record
 
@@ -40,14 +42,15 @@ class RunWriter(Listener):
     ----------
     folder : final place of the run; everything goes to ``<folder>.partial`` until `close`.
     snapshots : load parameters or times at which fields are written, besides the last state.
+    units : those of the case, which the files of fields tell.
 
     Raises
     ------
     WriteError : disk full, no permission, or another process writes the same run.
     """
 
-    def __init__(self, folder: Path, snapshots: Sequence[float] = ()) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, snapshots: Sequence[float] = (), units: "Units | None" = None) -> None:
+        self.folder, self._units = folder, units
         self.partial = partial_folder(folder)
         self._lock = WriterLock(folder.with_name(folder.name + ".writer"))
         self._pending = list(snapshots)
@@ -167,12 +170,13 @@ class RunWriter(Listener):
         return bool(reached)
 
     def _write_snapshot(self, step: int, u: float, fields: "Fields") -> None:
-        from verify.runs.vtk_files import grid_mesh, points_mesh, write_mesh
+        from verify.runs.vtk_files import describe, grid_mesh, points_mesh, write_mesh
 
         number = len(self._index)
         points_file, grid_file = f"fields/points_{number:04d}.vtu", f"fields/grid_{number:04d}.vtu"
-        write_file(self.partial / points_file, lambda path: write_mesh(points_mesh(fields), path))
-        write_file(self.partial / grid_file, lambda path: write_mesh(grid_mesh(fields), path))
+        for file, mesh in ((points_file, points_mesh(fields)), (grid_file, grid_mesh(fields))):
+            describe(mesh, u, self._units)
+            write_file(self.partial / file, partial(write_mesh, mesh))
         self._index.append((number, step, u, points_file, grid_file))
         self._write_indices()
 
@@ -253,12 +257,14 @@ def write_run(
     crack_path: np.ndarray,
     info: dict[str, Any],
     states: "Mapping[int, Fields] | None" = None,
+    units: "Units | None" = None,
 ) -> None:
     """Write the folder of a run of which a table of its history, a crack path (n, 2) and some fields are all there is.
 
-    info : contents of run.json, as in `RunWriter.close`. states : row of the history -> fields
+    info : contents of run.json, as in `RunWriter.close`. states : row of the history -> fields. units : of the
+    case
     """
-    with RunWriter(folder) as files:
+    with RunWriter(folder, units=units) as files:
         files.start(None, "")
         for number, row in enumerate(history.to_dict("records")):
             named = {str(name): value for name, value in row.items()}

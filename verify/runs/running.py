@@ -214,7 +214,7 @@ def tabulate(case: Case, run_name: str, folder: Path) -> RunFolder:
     except Exception as error:
         info |= {"status": as_expected(RunStatus.FAILED, case, run_name), "reason": _one_line(error)}
     info["seconds"] = {"total": round(time.perf_counter() - started, 4)}
-    write_run(folder, table, path, info, states)
+    write_run(folder, table, path, info, states, case.units)
     return RunFolder(folder)
 
 
@@ -234,7 +234,7 @@ def _compute(
 
     use_threads(threads)
     identity = f"{case.hash()} {source_hash()}"
-    files = RunWriter(folder, case.snapshots)
+    files = RunWriter(folder, case.snapshots, case.units)
     try:
         with files, PeakMemory() as memory:
             after, note = _beginning(files, identity, resume)

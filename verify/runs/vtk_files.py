@@ -8,6 +8,7 @@ import numpy as np
 import pyvista
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
+from cases.units import Units
 from numerics.fields import Fields
 
 CELL_TYPES = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}
@@ -17,6 +18,17 @@ POINT_DATA = (
     "reference", "volume", "displacement", "gradient", "phase_field",
     "history_field", "stress", "energy_density", "body",
 )  # fmt: skip
+
+
+#: components of arrays that ParaView would take for vectors
+COMPONENTS = {"stress": ("xx", "yy", "xy"), "gradient": ("ux,x", "ux,y", "uy,x", "uy,y")}
+#: arrays with a unit -> kind of quantity, as in `cases.units.KINDS`
+KINDS_OF_ARRAYS = {
+    "reference": "length", "displacement": "length", "stress": "stress", "hydrostatic_stress": "stress",
+    "history_field": "stress", "energy_density": "stress", "broken_at": "time",
+}  # fmt: skip
+#: VTK's texts are plain ASCII
+_PLAIN_SIGNS = str.maketrans({"²": "^2", "³": "^3", "⁴": "^4", "·": "*", "µ": "u", "μ": "u"})
 
 
 def hydrostatic_stress(stress: np.ndarray) -> np.ndarray:
@@ -52,6 +64,22 @@ def points_mesh(fields: Fields) -> pyvista.UnstructuredGrid:
     if "stress" in mesh.point_data:
         mesh.point_data["hydrostatic_stress"] = hydrostatic_stress(np.asarray(fields.stress))
     return mesh
+
+
+def describe(mesh: pyvista.UnstructuredGrid, u: float, units: Units | None) -> None:
+    """Tell the components of its arrays, and as field data ``u``, load or time, and ``units``, such as "stress kN/mm^2".
+
+    volume is in the cube of the unit of length, what is not listed a plain number.
+    """
+    for name, components in COMPONENTS.items():
+        for number, component in enumerate(components if name in mesh.point_data else ()):
+            mesh.GetPointData().GetArray(name).SetComponentName(number, component)
+    mesh.field_data["u"] = np.array([u])
+    if units is not None:
+        told = {name: units.label(kind) for name, kind in KINDS_OF_ARRAYS.items() if name in mesh.point_data}
+        told |= {"volume": f"{units.length}^3"} if "volume" in mesh.point_data else {}
+        named = {"points": units.length, **told}.items()
+        mesh.field_data["units"] = [f"{name} {unit.translate(_PLAIN_SIGNS)}" for name, unit in named]
 
 
 def with_all_point_data(mesh: pyvista.UnstructuredGrid) -> pyvista.UnstructuredGrid:
