@@ -104,6 +104,4 @@ def _stable_step(case: Case, is_made: bool) -> float:
     assert case.dynamics is not None
     if case.dynamics.time_step_rule == "courant" or not is_made:
         return courant_step(case)
-    table, basis = MaterialTable(case), ElementBasis(case)
-    constants = (table.lame_lambda, table.shear_modulus, table.density)
-    return 2.0 / float(np.sqrt(basis.largest_eigenvalue(*(values[basis.body] for values in constants))))
+    return ElementBasis(case).stable_step(MaterialTable(case))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cases import Case
 from cases.mesh_arrays import kinds_of
 from fem_reference.mesh.build import build_mesh
+from physics.elasticity import MaterialTable
 
 
 class ElementBasis:
@@ -37,6 +38,12 @@ class ElementBasis:
         self.slope = np.ascontiguousarray(np.stack([f.grad for f in fields]).transpose(2, 3, 0, 1))
         self.volume = np.ascontiguousarray(basis.dx) * case.plane.thickness
         self.gauss_points = np.einsum("qa,eai->eqi", self.shape, self.nodes[self.elements])
+
+    def stable_step(self, table: MaterialTable) -> float:
+        """Largest step of explicit integration that no element alone makes unstable [time]."""
+        body = self.body
+        bounds = [self.largest_eigenvalue(lam[body], mu[body], table.density[body]) for lam, mu in table.stiffest]
+        return 2.0 / float(np.sqrt(max(bounds)))
 
     def largest_eigenvalue(self, lam: NDArray, mu: NDArray, density: NDArray) -> float:
         """Bound of the largest eigenvalue of M^-1 K with row-sum mass: that of an element alone [1/time²].

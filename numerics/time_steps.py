@@ -19,8 +19,8 @@ def deforming_bodies(case: Case) -> list[int]:
 def courant_step(case: Case) -> float:
     """h / c of the body with the fastest pressure waves, c = sqrt((lambda + 2 mu) / density) (Eq. 6.48) [time]."""
     table = MaterialTable(case)
-    speeds = np.sqrt((table.lame_lambda + 2.0 * table.shear_modulus) / table.density)
-    return case.mesh.h / float(speeds[deforming_bodies(case)].max())
+    speeds = np.sqrt([(lam + 2.0 * mu) / table.density for lam, mu in table.stiffest])
+    return case.mesh.h / float(speeds[:, deforming_bodies(case)].max())
 
 
 def step_size(case: Case, stable: float) -> float:

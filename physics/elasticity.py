@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cases import Case
 from cases.material import Material
 from cases.splits import ROOTED_SPLITS
-from physics.splits import SPLIT_CODES
+from physics.splits import GAMMA, SPLIT_CODES
 
 from .surface_energy import curvature_operator, rotation
 
@@ -105,6 +105,14 @@ class MaterialTable:
         isotropic = ~np.array([material.is_anisotropic for material in materials])
         self.lame_lambda = np.where(isotropic, self.stiffness[:, 0, 1], np.nan)
         self.shear_modulus = np.where(isotropic, self.stiffness[:, 2, 2], np.nan)
+        #: in-plane lambda and mu (n_bodies,) of states that can be stiffest, for bounds of time steps: whole, and torn
+        #: under pressure, where the star-convex split is stiffer than what is whole
+        self.stiffest = [(self.lame_lambda, self.shear_modulus)]
+        hardens = np.array([f is not None and f.split == "star_convex" for f in fractures])
+        if hardens.any():
+            torn = (1.0 + GAMMA) * (self.lame_lambda + self.shear_modulus)
+            pair = np.where(hardens, torn, self.lame_lambda), np.where(hardens, 0.0, self.shear_modulus)
+            self.stiffest.append(pair)
         self.density = np.array([m.density or 0.0 for m in materials])
         self.breakable = np.array([f is not None for f in fractures])
         self.toughness = np.array([f.toughness if f else 1.0 for f in fractures])

@@ -189,3 +189,13 @@ def test_a_time_step_that_may_blow_up_is_told_before_it_does(run: str) -> None:
     (said,) = (text for what, text in plan(case, run).rows() if what == "note" and "time step" in text)
     assert "is 3 times the longest one that is stable" in said and "leave out dynamics.time_step_share" in said
     assert not any("longest one" in text for _, text in plan(shorter, run).rows())
+
+
+@pytest.mark.parametrize(("run", "share"), [("fem", 0.6), ("mpm", 6.0**-0.5)])
+def test_what_hardens_under_pressure_shortens_the_stable_step(run: str, share: float) -> None:
+    """Torn by the star-convex split, a body is six times as stiff under pressure as whole, and bears no shear."""
+    names = [*load_case("plate_impact", "quick", run).materials]
+    split = {"materials": {name: {"fracture": {"split": "star_convex"}} for name in names}}
+    whole, torn = (plan(load_case("plate_impact", "quick", run, given), run).described for given in ({}, split))
+    assert whole.stable_step is not None and torn.stable_step is not None
+    assert torn.stable_step / whole.stable_step <= share * (1.0 + 1e-9)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from physics.elasticity import SPLIT_CODES, Law, in_plane_first_lame
 from physics.energy_splits import responses
-from physics.splits.star_convex import GAMMA
+from physics.splits import GAMMA
 
 LAM, MU = 121.15, 80.77
 SPLITS = sorted(SPLIT_CODES)

@@ -113,8 +113,7 @@ class ExplicitFiniteElements:
         assert self.case.dynamics is not None
         if self.case.dynamics.time_step_rule == "courant":
             return courant_step(self.case)
-        lam, mu = (np.full_like(self._density, constant) for constant in (self._law.lam, self._law.mu))
-        return 2.0 / float(np.sqrt(self.basis.largest_eigenvalue(lam, mu, self._density)))
+        return self.basis.stable_step(MaterialTable(self.case))
 
     def steps(self, times: NDArray, size: float) -> int:
         """Take the first of the steps that begin at times (n,); raises BlewUpError."""

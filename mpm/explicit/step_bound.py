@@ -45,7 +45,8 @@ def proven_step(case: Case) -> float:
             ' mpm.order = 2 or 3, time_step_rule = "courant", or a time_step.'
         )
     values = [
-        largest_eigenvalue(order, case.mesh.h, table.lame_lambda[i], table.shear_modulus[i], table.density[i])
+        largest_eigenvalue(order, case.mesh.h, lam[i], mu[i], table.density[i])
+        for lam, mu in table.stiffest
         for i in deforming_bodies(case)
     ]
     assert case.dynamics is not None

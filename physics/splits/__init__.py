@@ -19,3 +19,5 @@ from cases.splits import SPLITS
 Response = Callable[..., tuple]
 #: code of each split in kernels by its name
 SPLIT_CODES = {name: number for number, name in enumerate(SPLITS)}
+#: gamma of the star-convex split: the larger, the stronger under pressure
+GAMMA = 5.0

@@ -6,10 +6,8 @@ psi_plus is negative under pressure alone.
 
 from numba import njit
 
+from physics.splits import GAMMA
 from physics.volume_and_shape import parted
-
-#: gamma: the larger, the stronger under pressure
-GAMMA = 5.0
 
 
 @njit(cache=True)
