@@ -27,6 +27,8 @@ _NEARLY_INCOMPRESSIBLE, _LOCKS_IN_MOTION = 0.45, 0.495
 #: bulk over shear modulus (ν = 0.499) beyond which linear functions that lock may change no volume any more: their shear
 #: then holds the energy, and the pressures that alternate tell instead; a beam 16 times too stiff has a share of 0.02
 _NO_VOLUME_CHANGE = 500.0
+#: error of the force over the measure by splines of higher order at rest, 4 for beams and squeezed blocks, 7 for punches
+_OF_SPLINES = 5.0
 
 
 def _locking(case: Case, fields: Fields) -> dict[str, float]:
@@ -49,16 +51,19 @@ def _locking(case: Case, fields: Fields) -> dict[str, float]:
     volume = np.bincount(cell.ravel(), fields.volume)
     mean = np.bincount(cell.ravel(), fields.volume * change) / volume
     alternating = 0.5 * bulk * (change - mean[cell.ravel()]) ** 2 * fields.volume
-    is_linear = case.mpm.order == 1 if by_points else not case.mesh.locking_free
-    stored = _stiffer_than_shear(case)[fields.body] if is_linear else 1.0
-    return {"locking": min(1.0, float((alternating * stored)[stiff].sum()) / total)}
+    return {"locking": min(1.0, float((alternating * _weight(case)[fields.body])[stiff].sum()) / total)}
 
 
-def _stiffer_than_shear(case: Case) -> NDArray:
-    """Bulk over shear modulus of each body in multiples of `_NO_VOLUME_CHANGE`, at least 1."""
+def _weight(case: Case) -> NDArray:
+    """How much an alternating pressure counts in each body (n_bodies,), by the functions of its displacement.
+
+    Of linear ones bulk over shear modulus in multiples of `_NO_VOLUME_CHANGE`, at least 1.
+    """
     from physics.elasticity import MaterialTable  # judging does without compiled laws
 
-    table = MaterialTable(case)
+    table, by_points = MaterialTable(case), uses_points(case)
+    if case.mpm.order > 1 if by_points else case.mesh.locking_free:
+        return np.full(len(table.density), _OF_SPLINES if by_points and not case.dynamics else 1.0)
     return np.maximum(1.0, (table.lame_lambda / table.shear_modulus + 1.0) / _NO_VOLUME_CHANGE)
 
 
