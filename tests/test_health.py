@@ -295,7 +295,7 @@ def test_an_incompressible_cantilever_locks(solver, mesh, tmp_path):
 @pytest.mark.parametrize(("on", "ratio", "told"), [("punch", 0.4999, True), ("top", 0.49, False)])
 def test_splines_of_higher_order_that_lock_under_a_punch_are_told(on, ratio, told, tmp_path):
     """Four cells under it are 37 % too stiff, those of an evenly squeezed block 2 %."""
-    held = [{"on": side, "direction": way, "value": 0.0} for side, way in (("bottom", "x"), ("bottom", "y"), ("left", "x"))]
+    held = [{"on": at, "direction": way, "value": 0.0} for at, way in (("bottom", "x"), ("bottom", "y"), ("left", "x"))]
     punched = {
         "materials": {"rubber": {"young": 1.0, "poisson": ratio}},
         "bodies": {"block": {"material": "rubber", "shape": {"rectangle": {"lower": [0, 0], "upper": [4, 2]}}}},
