@@ -18,7 +18,7 @@ plane = { assumption = "stress", thickness = 2.0 }
 materials.other = { young = 5, poisson = 0.3 }
 materials.m = { young = 1000, poisson = 0.3 }
 bodies.plate = { material = "m", shape = { rectangle = { lower = [-20, LOWER], upper = [20, 20] } } }
-boundaries = { mid = { point = [-20, LOWER] }, ahead = { box = { lower = [4, 0], upper = [20, 0] } }, more = { box = { lower = [-20, 0], upper = [-4, 0] } }, crack = { segment = [[-4, 0], [4, 0]] }, corner = { point = [20, -20] } }
+boundaries = { mid = { point = [-20, LOWER] }, ahead = { box = { lower = [4, 0], upper = [20, 0] } }, more = { box = { lower = [-20, 0], upper = [-4, 0] } }, crack = { segment = [[-4, 0], [4, 0]] }, middle = { segment = [[-2, 0], [2, 0]] }, corner = { point = [20, -20] } }
 mesh.h = 0.5
 runs.fem = { solver = "fem" }
 """  # noqa: E501 (tables in one line end there)
@@ -36,6 +36,7 @@ LOADS = {
 PRESSURES = {
     "far": '[{ on = "top", value = [0, 1], ramp = "load" }, { on = "bottom", value = [0, -1], ramp = "load" }]',
     "faces": '[{ on = "crack", pressure = 1.0, ramp = "load" }]',
+    "middle": '[{ on = "middle", pressure = 1.0, ramp = "load" }]',
 }
 TIP = {"tip": [4.0, 0.0], "direction": [1.0, 0.0]}
 BOXES = {"inner": 1.0, "outer": 3.0}
@@ -81,6 +82,13 @@ def test_pressure_on_the_faces_releases_what_tension_far_away_does(plate):
     far, faces = (METRICS["energy_release_rate"](plate(way), **TIP, **BOXES) for way in ("far", "faces"))
     assert far == pytest.approx(1.06**2 * np.pi * 4.0 / 1000.0, rel=0.06)
     assert faces == pytest.approx(far, rel=0.04)
+
+
+@pytest.mark.parametrize(("inner", "outer"), [(0.5, 1.5), (1.0, 3.0), (2.0, 3.5)])
+def test_a_box_may_hold_the_end_of_the_pressure_on_the_faces(plate, inner, outer):
+    """K = 2 p sqrt(a / pi) asin(b / a) in a wide plate; J is 1.22 times as much in this one, with cells of a / 32."""
+    found = METRICS["energy_release_rate"](plate("middle"), **TIP, inner=inner, outer=outer)
+    assert found == pytest.approx(1.22 * 4.0 * np.arcsin(0.5) ** 2 * 4.0 / np.pi / 1000.0, rel=0.03)
 
 
 @pytest.mark.parametrize(

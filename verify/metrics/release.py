@@ -24,6 +24,9 @@ FILLED = 0.9
 #: a seam or a traced crack is parallel to a direction where it goes aside by no more than this share of its way
 SLANT = 0.1
 
+#: parts of the way from point to point along a face, each of them loaded or not
+PARTS = 16
+
 
 def release_rate(
     data: Mapping[str, NDArray], case: Case, load: float, tip: ArrayLike, direction: ArrayLike, inner: float, outer: float
@@ -125,7 +128,7 @@ def _of_faces(
             np.mean([other[end] for *_, other in faces], axis=0) if at_tip else moved[end]
             for end, at_tip in zip((0, -1), meet, strict=True)
         )
-        places, moved = np.array([0.0, *places, slit.length]), np.vstack([first, moved, last])
+        places, moved = _in_parts(np.array([0.0, *places, slit.length]), np.vstack([first, moved, last]))
         middle, length = 0.5 * (places[1:] + places[:-1]), np.diff(places)
         traction = tractions_on_faces(case, slit, middle, np.full(len(middle), side), load)
         rise = np.sign(e @ slit.direction) * np.diff(moved, axis=0)
@@ -133,6 +136,13 @@ def _of_faces(
         offset = np.array(slit.start) + middle[:, None] * slit.direction - np.asarray(tip)
         total += release_rate_of_faces(offset, length, traction, gradient, inner, outer, e)
     return total
+
+
+def _in_parts(places: NDArray, moved: NDArray) -> tuple[NDArray, NDArray]:
+    """Places (n,) along a face and their displacement (n, 2) with others between them, as loads end between points."""
+    number = np.arange(len(places))
+    between = np.linspace(0.0, number[-1], PARTS * number[-1] + 1)
+    return np.interp(between, number, places), np.stack([np.interp(between, number, u) for u in moved.T], axis=1)
 
 
 def _faces(case: Case, slit: Segment, data: Mapping[str, NDArray]) -> list[tuple[float, NDArray, NDArray]]:
