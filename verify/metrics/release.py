@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from cases.geometry import SAME_LINE
 from cases.notches import Segment
@@ -36,8 +37,9 @@ def release_rate(
     data : fields of the points of a snapshot. load : its load parameter. direction, inner, outer : as of
         `verify.metrics.energy_release`.
 
-    Raises MetricError where the outer box goes out of the bodies, holds another end of a slit, or a seam of two materials
-    that the crack's direction crosses: what moves these along would release energy too.
+    Raises MetricError where the outer box goes out of the bodies, holds another end of a slit, edges of the bodies that
+    bear tractions, or a seam of two materials that the crack's direction crosses: what moves these along would release
+    energy too.
     """
     _require_box(case, np.asarray(tip, dtype=float), np.asarray(direction, dtype=float), outer)
     points, volume = np.asarray(data["reference"])[:, :2], np.asarray(data["volume"])
@@ -75,9 +77,25 @@ def _require_box(case: Case, tip: NDArray, direction: NDArray, outer: float) -> 
             if inside and not _is_behind(end - tip, along):
                 said = f"{place} the box of outer = {outer:g} holds an end of another slit, at ({end[0]:g}, {end[1]:g})"
                 raise MetricError(f"case {case.name}: {said}; make it smaller than they are apart")
+    number = _loaded_edge(case, shapely.intersection(bodies.boundary, box))
+    if number is not None:
+        said = f"{place} tractions[{number}] acts on an edge of the bodies in the box of outer = {outer:g}"
+        remedy = 'make it smaller, or draw a notch that is loaded inside with kind = "slit"'
+        raise MetricError(f"case {case.name}: {said}, which releases energy too; {remedy}")
     if seam := _seam_across(case, box, along):
         said = f"{place} the crack's direction crosses the seam of {seam} in the box of outer = {outer:g}"
         raise MetricError(f"case {case.name}: {said}, which releases energy too; make it smaller than they are apart")
+
+
+def _loaded_edge(case: Case, edges: BaseGeometry) -> int | None:
+    """Number of the first traction that acts on one of these edges; None where none does."""
+    corners = [shapely.get_coordinates(part) for part in shapely.get_parts(edges)]
+    lines = np.concatenate([np.zeros((0, 2, 2)), *(np.stack([c[:-1], c[1:]], axis=1) for c in corners)])
+    for number, traction in enumerate(case.tractions):
+        parts = case.boundaries[traction.on].parts_of_lines(lines, SAME_LINE * case.mesh.h, case.bounding_box())
+        if parts.any():
+            return number
+    return None
 
 
 def _is_behind(offset: NDArray, along: NDArray) -> bool:
