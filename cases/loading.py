@@ -125,7 +125,7 @@ class Load(Table):
         shortened, or in the end the fracture energy of that advance or less, so that a path on which the load falls back
         is followed
     largest_advance : of the crack in one increment, in multiples of l0; beyond it the increment is undone and
-        shortened, down to `smallest`
+        shortened, down to `smallest`; under dissipation control it is at most a quarter of the narrowest piece's width
     stop_when_broken : end when |F| falls under `broken_fraction` of its peak
     """
 

@@ -32,7 +32,14 @@ from .linear_solvers import LinearSolverError
 from .path_following import longest_dissipation_step
 from .quasi_newton import CoupledDiscretisation, quasi_newton_step
 from .refinement import FollowingDiscretisation
-from .staggered import NewtonError, QuasiStaticDiscretisation, StepOutcome, energy_of_advance, staggered_step
+from .staggered import (
+    NewtonError,
+    QuasiStaticDiscretisation,
+    StepOutcome,
+    energy_across,
+    energy_of_advance,
+    staggered_step,
+)
 from .status import RunStatus
 
 #: an increment is quiet, and the next one may grow, when the crack advances by less than this share of the limit
@@ -50,6 +57,8 @@ TOO_FAR = "crack advances too far"
 BROKEN_THROUGH = "broken through"
 #: why an increment of forces alone is undone: the body gives way under them and finds no rest
 GIVES_WAY = "the body breaks through and no state is in equilibrium with the load"
+#: share of the way through the narrowest piece that a crack goes in one increment whose fracture energy leads
+SHARE_OF_WIDTH = 0.25
 #: below this phase field material counts as broken
 BROKEN_PHASE_FIELD = 0.1
 
@@ -143,11 +152,14 @@ class _Limits:
     def of(cls, case: Case) -> _Limits:
         """The limits that a case sets."""
         length = float(np.abs(np.diff(case.load.path)).sum()) or 1.0
+        energy = case.load.largest_advance * energy_of_advance(case)
+        if case.load.control == "dissipation":
+            energy = min(energy, SHARE_OF_WIDTH * energy_across(case))
         return cls(
             length=length,
             digits=12 - int(np.ceil(np.log10(length))),
             adaptive=case.load.adaptive and case.staggered.scheme != "passes",
-            energy=case.load.largest_advance * energy_of_advance(case),
+            energy=energy,
         )
 
 

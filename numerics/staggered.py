@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from cases import Case
+from cases.material import Fracture
 from physics.phase_field import update_history
 
 from .acceleration import acceleration_of
@@ -184,8 +186,21 @@ def lead_away(discretisation: QuasiStaticDiscretisation, case: Case, changes: Se
 
 def energy_of_advance(case: Case) -> float:
     """Fracture energy of a crack that advances by l0, where it is least [energy]; inf where nothing breaks."""
+    return case.plane.thickness * min((f.toughness * f.length_scale for f in _fractures(case)), default=np.inf)
+
+
+def energy_across(case: Case) -> float:
+    """Fracture energy of a crack straight through the narrowest piece, where it is least [energy]; else inf."""
+    pieces = shapely.get_parts(shapely.union_all(case.outlines()))
+    sides = [np.diff(piece.minimum_rotated_rectangle.exterior.coords, axis=0)[:2] for piece in pieces]
+    toughness = min((f.toughness for f in _fractures(case)), default=np.inf)
+    return case.plane.thickness * toughness * float(np.linalg.norm(sides, axis=2).min())
+
+
+def _fractures(case: Case) -> list[Fracture]:
+    """Of the bodies that can break."""
     materials = [case.materials[body.material].fracture for body in case.bodies.values()]
-    return case.plane.thickness * min((f.toughness * f.length_scale for f in materials if f is not None), default=np.inf)
+    return [fracture for fracture in materials if fracture is not None]
 
 
 def _passes(discretisation: QuasiStaticDiscretisation, case: Case, load: float, give_up) -> StepOutcome:

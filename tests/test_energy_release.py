@@ -94,6 +94,7 @@ def made_up_case(h, notches=()):
     return SimpleNamespace(
         name="made up", plane=SimpleNamespace(thickness=THICKNESS), mesh=SimpleNamespace(h=h), bodies={"plate": body},
         notches=notches, all_notches=notches, tractions=(), body_forces=(), dynamics=None,
+        outlines=lambda: [body.shape.outline()],
     )  # fmt: skip
 
 

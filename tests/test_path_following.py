@@ -82,3 +82,31 @@ def test_a_traction_is_followed_from_its_limit_load_until_the_body_is_torn(funct
         torn = followed[-1].fracture_energy
     assert limits[1] == pytest.approx(limits[0], abs=2 * 0.05 / 64)
     assert torn > 0.9 * 0.0027 * 0.5
+
+
+def test_a_bar_narrower_than_an_advance_is_followed_back():
+    """Its crack takes less than `largest_advance` asks for: an increment of the load would break it through at once."""
+    strong, weak = (
+        {"young": 210.0, "poisson": 0.0, "fracture": {"toughness": toughness, "length_scale": 0.05}}
+        for toughness in (0.0027, 0.0022)
+    )
+    shapes = {"left": ("strong", 0.0, 0.45), "middle": ("weak", 0.45, 0.55), "right": ("strong", 0.55, 2.0)}
+    case = case_from_tables(
+        {
+            **PULLED, "materials": {"strong": strong, "weak": weak}, "notches": [], "tractions": [], "mesh": {"h": 0.025},
+            "bodies": {
+                name: {"material": of, "shape": {"rectangle": {"lower": [start, 0.0], "upper": [end, 0.1]}}}
+                for name, (of, start, end) in shapes.items()
+            },
+            "constraints": [
+                {"on": "left", "direction": "x", "value": 0}, {"on": "bottom", "direction": "y", "value": 0},
+                {"on": "right", "direction": "x", "scale": 1},
+            ],
+            "load": {"path": [0.0, 0.02], "increment": 1e-3, "smallest": 1e-4, "control": "dissipation"},
+        },
+        run="fem",
+    )  # fmt: skip
+    followed = list(increments(FiniteElements(case), case))
+    u, last = np.array([step.u for step in followed]), followed[-1]
+    assert (np.maximum.accumulate(u) - u).max() > 0.3 * u.max()
+    assert last.elastic_energy + last.fracture_energy == pytest.approx(last.external_work, rel=0.06)

@@ -18,10 +18,11 @@ plane = { assumption = "stress", thickness = 2.0 }
 materials.other = { young = 5, poisson = 0.3 }
 materials.m = { young = 1000, poisson = 0.3 }
 bodies.plate = { material = "m", shape = { rectangle = { lower = [-20, LOWER], upper = [20, 20] } } }
-boundaries = { mid = { point = [-20, LOWER] }, ahead = { box = { lower = [4, 0], upper = [20, 0] } }, more = { box = { lower = [-20, 0], upper = [-4, 0] } }, crack = { segment = [[-4, 0], [4, 0]] }, corner = { point = [20, -20] } }
+boundaries = { mid = { point = [-20, LOWER] }, ahead = { box = { lower = [4, 0], upper = [20, 0] } }, more = { box = { lower = [-20, 0], upper = [-4, 0] } }, crack = { segment = [[-4, 0], [4, 0]] }, middle = { segment = [[-2, 0], [2, 0]] }, corner = { point = [20, -20] }, inside = { box = { lower = [-4, -0.5], upper = [4, 0.5] } } }
 mesh.h = 0.5
 runs.fem = { solver = "fem" }
 """  # noqa: E501 (tables in one line end there)
+MACHINED = 'notches = [{ kind = "cells", start = [-4, 0], end = [4, 0], width = 1.0 }]\n'
 SLIT = 'notches = [{ kind = "slit", start = [-4, 0], end = [4, 0], contact = false }]\n'
 MID = '{ on = "mid", direction = "x", value = 0 }'
 LOADS = {
@@ -36,6 +37,8 @@ LOADS = {
 PRESSURES = {
     "far": '[{ on = "top", value = [0, 1], ramp = "load" }, { on = "bottom", value = [0, -1], ramp = "load" }]',
     "faces": '[{ on = "crack", pressure = 1.0, ramp = "load" }]',
+    "middle": '[{ on = "middle", pressure = 1.0, ramp = "load" }]',
+    "machined": '[{ on = "inside", pressure = 1.0, ramp = "load" }]',
 }
 TIP = {"tip": [4.0, 0.0], "direction": [1.0, 0.0]}
 BOXES = {"inner": 1.0, "outer": 3.0}
@@ -47,13 +50,13 @@ def plate(tmp_path_factory: pytest.TempPathFactory):
     folder: Path = tmp_path_factory.mktemp("plates")
 
     def solved(way: str):
-        tractions = way in PRESSURES
+        tractions, notches = way in PRESSURES, {"half": "", "machined": MACHINED}
         path = "load = { path = [0.0, 1.0], increment = 1.0 }\noutput.snapshots = [1.0]\n"
         loads = f"constraints = {LOADS['force' if tractions else way]}\n"
         loads += f"tractions = {PRESSURES[way]}\n" if tractions else ""
         head, table = PLATE.replace("LOWER", "0" if way == "half" else "-20").split("mesh.h", 1)
         file = folder / f"{way.replace(' ', '_')}.toml"
-        file.write_text(head + loads + path + ("" if way == "half" else SLIT) + "mesh.h" + table)
+        file.write_text(head + loads + path + notches.get(way, SLIT) + "mesh.h" + table)
         return run(file, "fem", out=folder, threads=1)
 
     return solved
@@ -83,6 +86,13 @@ def test_pressure_on_the_faces_releases_what_tension_far_away_does(plate):
     assert faces == pytest.approx(far, rel=0.04)
 
 
+@pytest.mark.parametrize(("inner", "outer"), [(0.5, 1.5), (1.0, 3.0), (2.0, 3.5)])
+def test_a_box_may_hold_the_end_of_the_pressure_on_the_faces(plate, inner, outer):
+    """K = 2 p sqrt(a / pi) asin(b / a) in a wide plate; J is 1.22 times as much in this one, with cells of a / 32."""
+    found = METRICS["energy_release_rate"](plate("middle"), **TIP, inner=inner, outer=outer)
+    assert found == pytest.approx(1.22 * 4.0 * np.arcsin(0.5) ** 2 * 4.0 / np.pi / 1000.0, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("way", "boxes", "said"),
     [
@@ -94,6 +104,12 @@ def test_pressure_on_the_faces_releases_what_tension_far_away_does(plate):
 def test_a_box_that_is_not_filled_or_holds_two_tips_is_refused(plate, way, boxes, said):
     with pytest.raises(MetricError, match=said):
         METRICS["energy_release_rate"](plate(way), **TIP, **boxes)
+
+
+def test_pressure_in_a_machined_notch_is_refused(plate):
+    """Its faces are edges of the body, on which the integral over the area knows of no traction."""
+    with pytest.raises(MetricError, match=r"tractions\[0\] acts on an edge of the bodies in the box of outer = 3.5"):
+        METRICS["energy_release_rate"](plate("machined"), **TIP, inner=2.0, outer=3.5)
 
 
 WEIGHED = """

@@ -34,6 +34,8 @@ REACH = 0.53
 #: way in cells beyond which nodes that stay hold points that move the less: a bar of ten cells pressed by so much has an
 #: error of 4 %, by a cell 29 %
 NODES_HOLD = 0.25
+#: share of the path's largest target below which targets are next to nothing: on a way back through zero
+UNMOVED = 1e-3
 
 
 @dataclass
@@ -346,10 +348,12 @@ class PointPenalty:
         np.add.at(values, pattern.positions(masters, masters), self._stiffness[is_tied])
 
     def constraint_error(self, displacement: NDArray, load: float, tied: NDArray) -> float:
-        """Largest distance of a point from its target, relative to the largest target; 0 without load."""
-        targets = self._targets(load, tied)
-        largest = np.abs(targets).max(initial=0.0)
-        if largest == 0.0:
+        """Largest distance of a point from its target, relative to the largest target.
+
+        0 where targets are next to nothing of those of the path, so that the distances are what the iterations left.
+        """
+        largest, *of_path = (np.abs(self._targets(u, tied)).max(initial=0.0) for u in (load, *self._case.load.path))
+        if largest <= UNMOVED * max(of_path):
             return 0.0
         return float(np.abs(self._gap(displacement, load, tied)).max() / largest)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from cases.geometry import SAME_LINE
 from cases.notches import Segment
@@ -24,6 +25,9 @@ FILLED = 0.9
 #: a seam or a traced crack is parallel to a direction where it goes aside by no more than this share of its way
 SLANT = 0.1
 
+#: parts of the way from point to point along a face, each of them loaded or not
+PARTS = 16
+
 
 def release_rate(
     data: Mapping[str, NDArray], case: Case, load: float, tip: ArrayLike, direction: ArrayLike, inner: float, outer: float
@@ -33,8 +37,9 @@ def release_rate(
     data : fields of the points of a snapshot. load : its load parameter. direction, inner, outer : as of
         `verify.metrics.energy_release`.
 
-    Raises MetricError where the outer box goes out of the bodies, holds another end of a slit, or a seam of two materials
-    that the crack's direction crosses: what moves these along would release energy too.
+    Raises MetricError where the outer box goes out of the bodies, holds another end of a slit, edges of the bodies that
+    bear tractions, or a seam of two materials that the crack's direction crosses: what moves these along would release
+    energy too.
     """
     _require_box(case, np.asarray(tip, dtype=float), np.asarray(direction, dtype=float), outer)
     points, volume = np.asarray(data["reference"])[:, :2], np.asarray(data["volume"])
@@ -72,9 +77,25 @@ def _require_box(case: Case, tip: NDArray, direction: NDArray, outer: float) -> 
             if inside and not _is_behind(end - tip, along):
                 said = f"{place} the box of outer = {outer:g} holds an end of another slit, at ({end[0]:g}, {end[1]:g})"
                 raise MetricError(f"case {case.name}: {said}; make it smaller than they are apart")
+    number = _loaded_edge(case, shapely.intersection(bodies.boundary, box))
+    if number is not None:
+        said = f"{place} tractions[{number}] acts on an edge of the bodies in the box of outer = {outer:g}"
+        remedy = 'make it smaller, or draw a notch that is loaded inside with kind = "slit"'
+        raise MetricError(f"case {case.name}: {said}, which releases energy too; {remedy}")
     if seam := _seam_across(case, box, along):
         said = f"{place} the crack's direction crosses the seam of {seam} in the box of outer = {outer:g}"
         raise MetricError(f"case {case.name}: {said}, which releases energy too; make it smaller than they are apart")
+
+
+def _loaded_edge(case: Case, edges: BaseGeometry) -> int | None:
+    """Number of the first traction that acts on one of these edges; None where none does."""
+    corners = [shapely.get_coordinates(part) for part in shapely.get_parts(edges)]
+    lines = np.concatenate([np.zeros((0, 2, 2)), *(np.stack([c[:-1], c[1:]], axis=1) for c in corners)])
+    for number, traction in enumerate(case.tractions):
+        parts = case.boundaries[traction.on].parts_of_lines(lines, SAME_LINE * case.mesh.h, case.bounding_box())
+        if parts.any():
+            return number
+    return None
 
 
 def _is_behind(offset: NDArray, along: NDArray) -> bool:
@@ -125,7 +146,7 @@ def _of_faces(
             np.mean([other[end] for *_, other in faces], axis=0) if at_tip else moved[end]
             for end, at_tip in zip((0, -1), meet, strict=True)
         )
-        places, moved = np.array([0.0, *places, slit.length]), np.vstack([first, moved, last])
+        places, moved = _in_parts(np.array([0.0, *places, slit.length]), np.vstack([first, moved, last]))
         middle, length = 0.5 * (places[1:] + places[:-1]), np.diff(places)
         traction = tractions_on_faces(case, slit, middle, np.full(len(middle), side), load)
         rise = np.sign(e @ slit.direction) * np.diff(moved, axis=0)
@@ -133,6 +154,13 @@ def _of_faces(
         offset = np.array(slit.start) + middle[:, None] * slit.direction - np.asarray(tip)
         total += release_rate_of_faces(offset, length, traction, gradient, inner, outer, e)
     return total
+
+
+def _in_parts(places: NDArray, moved: NDArray) -> tuple[NDArray, NDArray]:
+    """Places (n,) along a face and their displacement (n, 2) with others between them, as loads end between points."""
+    number = np.arange(len(places))
+    between = np.linspace(0.0, number[-1], PARTS * number[-1] + 1)
+    return np.interp(between, number, places), np.stack([np.interp(between, number, u) for u in moved.T], axis=1)
 
 
 def _faces(case: Case, slit: Segment, data: Mapping[str, NDArray]) -> list[tuple[float, NDArray, NDArray]]:
