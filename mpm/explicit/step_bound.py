@@ -17,8 +17,8 @@ def largest_eigenvalue(order: int, spacing: float, lam: float, mu: float, densit
 
     Mass and stiffness are sums over the points, so the largest eigenvalue is at most the largest one of a single
     point, that of D diag(Sx, Sy, Sx + Sy) / density with Sx = sum over I of (dN_I/dx)² / N_I: the functions of the
-    other direction sum to one, and mixed products of derivatives to zero. Neither more mass nor damaged material
-    raises it.
+    other direction sum to one, and mixed products of derivatives to zero. More mass does not raise it, nor does
+    damage but of the star-convex split: `MaterialTable.stiffest` has its constants.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ REACH = 0.53
 #: way in cells beyond which nodes that stay hold points that move the less: a bar of ten cells pressed by so much has an
 #: error of 4 %, by a cell 29 %
 NODES_HOLD = 0.25
-#: share of the path's largest target below which targets are next to nothing: on a way back through zero
+#: share of the largest target of the path so far below which targets are next to nothing: on a way back through zero
 UNMOVED = 1e-3
 
 
@@ -350,10 +350,12 @@ class PointPenalty:
     def constraint_error(self, displacement: NDArray, load: float, tied: NDArray) -> float:
         """Largest distance of a point from its target, relative to the largest target.
 
-        0 where targets are next to nothing of those of the path, so that the distances are what the iterations left.
+        0 where targets are next to nothing of those at the turns of the path, so that the distances are what the
+        iterations left; what breaks early on its only way is held to its own.
         """
-        largest, *of_path = (np.abs(self._targets(u, tied)).max(initial=0.0) for u in (load, *self._case.load.path))
-        if largest <= UNMOVED * max(of_path):
+        turns = self._case.load.path[:-1]
+        largest, *of_path = (np.abs(self._targets(u, tied)).max(initial=0.0) for u in (load, *turns))
+        if largest <= UNMOVED * max(of_path, default=0.0):
             return 0.0
         return float(np.abs(self._gap(displacement, load, tied)).max() / largest)
 

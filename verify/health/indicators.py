@@ -103,7 +103,7 @@ INDICATORS = {
     "torn_load": Indicator(
         "share of the material within a length scale of tractions that is torn, so that they tear it off and go on alone",
         0.25, "a crack that ends there tears as much of four length scales; torn edges have 0.9 and more",
-        "load it less, or less suddenly, or keep what is loaded whole by bodies.NAME.unbreakable",
+        "load it less, or less suddenly, or keep what is loaded whole: moving points by bodies.NAME.unbreakable",
     ),
     "quadrature": Indicator(
         "share of the volume in cells with fewer than 2 x 2 material points",

@@ -177,7 +177,8 @@ def _unpriced(case: Case, prices: dict[str, float]) -> str:
 def _notes(case: Case, accuracy: float | None, described: Description) -> tuple[str, ...]:
     """What the spacing does to the toughness, what the accuracy asks of it, and what the sizes leave out."""
     notes = [*case.mesh_remarks, *remarks(case)]
-    if described.stable_step is not None and (beyond := beyond_stable(case, described.stable_step)):
+    stable = described.stable_step if described.rigid < 1.0 else None  # no waves run through a rigid block
+    if stable is not None and (beyond := beyond_stable(case, stable)):
         notes.append(f"{beyond}; the run may blow up")
     if case.mesh.follow_crack:
         notes.append("sizes, memory and time are those of the first fine box; they grow with it")
